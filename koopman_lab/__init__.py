@@ -1,0 +1,1 @@
+"""The library: no process, no clock, no socket outside ``bus``."""

@@ -1,0 +1,1 @@
+"""Channels, nodes, and the two runners."""

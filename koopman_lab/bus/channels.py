@@ -1,0 +1,136 @@
+"""The one table of channels; nobody else spells a channel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
+
+import lcmtypes
+from koopman_lab.errors import BusError
+
+if TYPE_CHECKING:
+    from koopman_lab.config.schema import LabConfig
+
+LONGEST_NAME = 63
+"""LCM refuses longer channel names."""
+
+
+class Message(Protocol):
+    """What every generated LCM type of this project offers."""
+
+    utime: int
+    sequence: int
+
+    def encode(self) -> bytes:
+        """Return the wire form: fingerprint, then the fields in big-endian order."""
+
+
+M = TypeVar("M", bound=Message)
+
+Rate = Literal["mocap", "motor", "wheel_state", "status", "control", "heartbeat", "event"]
+Owner = Literal["plant", "onboard", "logger", "sampler", "controller", "operator", "commander"]
+"""Who publishes; ``commander`` is whichever of sampler and controller drives the robot."""
+
+
+@dataclass(frozen=True)
+class Channel(Generic[M]):
+    """One row of the table."""
+
+    suffix: str
+    type: type[M]
+    rate: Rate
+    publisher: Owner
+    logged: bool = True
+
+    def name(self, robot_name: str) -> str:
+        """Return the channel name on the bus, for example ``R1_MOCAP_POSE``."""
+        return f"{robot_name}_{self.suffix}"
+
+    def rate_hz(self, config: LabConfig) -> float | None:
+        """Return the nominal rate, or None for a channel that speaks only on events."""
+        return {
+            "mocap": config.mocap.rate_hz,
+            "motor": config.motor_loop.rate_hz,
+            "wheel_state": config.motor_loop.wheel_state_rate_hz,
+            "status": config.motor_loop.status_rate_hz,
+            "control": 1.0 / config.controller.dt_s,
+            "heartbeat": config.bus.heartbeat_rate_hz,
+            "event": None,
+        }[self.rate]
+
+
+MOCAP_POSE = Channel("MOCAP_POSE", lcmtypes.mocap_pose_t, "mocap", "plant")
+ENCODER = Channel("ENCODER", lcmtypes.encoder_t, "motor", "plant")
+MOTOR_CMD = Channel("MOTOR_CMD", lcmtypes.motor_command_t, "motor", "onboard")
+WHEEL_STATE = Channel("WHEEL_STATE", lcmtypes.wheel_state_t, "wheel_state", "onboard")
+ONBOARD_STATUS = Channel("ONBOARD_STATUS", lcmtypes.onboard_status_t, "status", "onboard")
+VELOCITY_CMD = Channel("VELOCITY_CMD", lcmtypes.velocity_command_t, "control", "commander")
+ACCELERATION_CMD = Channel(
+    "ACCELERATION_CMD", lcmtypes.acceleration_command_t, "control", "commander"
+)
+ESTOP = Channel("ESTOP", lcmtypes.estop_t, "event", "operator")
+PLANT_RESET = Channel("PLANT_RESET", lcmtypes.plant_reset_t, "event", "operator")
+PLANT_TRUTH = Channel("PLANT_TRUTH", lcmtypes.plant_truth_t, "motor", "plant")
+SAMPLER_STATE = Channel("SAMPLER_STATE", lcmtypes.sampler_state_t, "control", "sampler")
+MPC_STATE = Channel("MPC_STATE", lcmtypes.mpc_state_t, "control", "controller")
+LOGGER_STATUS = Channel("LOGGER_STATUS", lcmtypes.logger_status_t, "heartbeat", "logger")
+SESSION_INFO = Channel("SESSION_INFO", lcmtypes.session_info_t, "heartbeat", "commander")
+HEARTBEATS: dict[str, Channel[lcmtypes.node_status_t]] = {
+    node: Channel(f"{node.upper()}_HEARTBEAT", lcmtypes.node_status_t, "heartbeat", node)
+    for node in ("plant", "onboard", "logger", "sampler", "controller")
+}
+
+CHANNELS: tuple[Channel[Any], ...] = (
+    MOCAP_POSE,
+    ENCODER,
+    MOTOR_CMD,
+    WHEEL_STATE,
+    ONBOARD_STATUS,
+    VELOCITY_CMD,
+    ACCELERATION_CMD,
+    ESTOP,
+    PLANT_RESET,
+    PLANT_TRUTH,
+    SAMPLER_STATE,
+    MPC_STATE,
+    LOGGER_STATUS,
+    SESSION_INFO,
+    *HEARTBEATS.values(),
+)
+
+
+def by_suffix(suffix: str) -> Channel[Any]:
+    """Return the row of a suffix.
+
+    Raises
+    ------
+    BusError
+        If the table has no such row; the message lists the table.
+    """
+    for channel in CHANNELS:
+        if channel.suffix == suffix:
+            return channel
+    raise BusError(f"no channel {suffix!r}; there are: {_listing(CHANNELS)}")
+
+
+def split_name(name: str) -> tuple[str, Channel[Any]]:
+    """Split a channel name on the bus into the robot's name and the row of the table.
+
+    Raises
+    ------
+    BusError
+        If no row ends the name.
+    """
+    for channel in CHANNELS:
+        robot_name, found, rest = name.rpartition(f"_{channel.suffix}")
+        if found and not rest and robot_name:
+            return robot_name, channel
+    raise BusError(
+        f"channel {name!r} is not of this lab; names are ROBOT_SUFFIX with one of: "
+        f"{_listing(CHANNELS)}"
+    )
+
+
+def _listing(channels: Iterable[Channel[Any]]) -> str:
+    return ", ".join(c.suffix for c in channels)

@@ -1,0 +1,40 @@
+"""Loss seen by sequence numbers."""
+
+from __future__ import annotations
+
+import struct
+
+_HEADER = struct.Struct(">8xqq")
+"""Fingerprint, then utime and sequence: the first two fields of every type of this project."""
+
+SMALLEST_MESSAGE = _HEADER.size
+
+
+def peek(data: bytes) -> tuple[int, int]:
+    """Return ``(utime, sequence)`` of an encoded message without decoding the rest.
+
+    Raises
+    ------
+    struct.error
+        If ``data`` is shorter than the two fields.
+    """
+    utime, sequence = _HEADER.unpack_from(data)
+    return utime, sequence
+
+
+class SequenceCounter:
+    """Counts missing messages of one stream.
+
+    A number lower than expected is a publisher that started again, not a loss.
+    """
+
+    def __init__(self) -> None:
+        self.lost = 0
+        self._next: int | None = None
+
+    def update(self, sequence: int) -> int:
+        """Take the next received number; return how many were missing just before it."""
+        gap = 0 if self._next is None else max(0, sequence - self._next)
+        self._next = sequence + 1
+        self.lost += gap
+        return gap

@@ -1,0 +1,1 @@
+"""The configuration of a lab: schema, defaults, loading."""

@@ -1,0 +1,258 @@
+"""The configuration of a lab: frozen models that refuse unknown keys.
+
+What each value means, its unit and where it comes from is said in ``defaults/*.yaml``; this file
+says which values are allowed.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from koopman_lab.bus.channels import by_suffix
+from koopman_lab.errors import BusError
+
+RobotKind = Literal["kinematic", "dynamic"]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Pair = tuple[Finite, Finite]
+
+
+def _ordered(low_high: tuple[float, float]) -> tuple[float, float]:
+    if low_high[0] >= low_high[1]:
+        raise ValueError("expected [low, high] with low < high")
+    return low_high
+
+
+def _suffix(text: str) -> str:
+    try:
+        return by_suffix(text).suffix
+    except BusError as error:
+        raise ValueError(str(error)) from None
+
+
+Range = Annotated[tuple[Finite, Finite], AfterValidator(_ordered)]
+Suffix = Annotated[str, AfterValidator(_suffix)]
+Triple = tuple[Finite, Finite, Finite]
+
+
+class Section(BaseModel):
+    """Base of all sections."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Robot(Section):
+    """The robot as the software believes it to be."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Z][A-Z0-9]{0,15}$")]
+    kind: RobotKind
+    wheel_radius_m: Positive
+    track_width_m: Positive
+
+
+class Link(Section):
+    """Delay and loss of one channel in lockstep."""
+
+    delay_s: NotNegative = 0.0
+    loss: Share = 0.0
+
+
+class Bus(Section):
+    """LCM."""
+
+    url: str
+    receive_buffer_bytes: Annotated[int, Field(ge=65536)]
+    heartbeat_rate_hz: Positive
+    links: dict[Suffix, Link]
+
+
+class Pid(Section):
+    """One wheel's speed controller; the error is in rad/s, the output is a duty in [-1, 1]."""
+
+    proportional: NotNegative
+    integral_per_s: NotNegative
+    derivative_s: NotNegative
+    derivative_filter_s: Positive
+    feed_forward_full_duty_rad_per_s: Positive
+    friction_duty: NotNegative
+
+
+class VelocityLimits(Section):
+    """Limits of the set-point the motor loop accepts."""
+
+    v_m_per_s: Positive
+    omega_rad_per_s: Positive
+    a_m_per_s2: Positive
+    d_omega_rad_per_s2: Positive
+
+
+class MotorLoop(Section):
+    """The onboard program."""
+
+    rate_hz: Positive
+    wheel_state_rate_hz: Positive
+    wheel_state_window_s: Positive
+    status_rate_hz: Positive
+    watchdog_s: Positive
+    command_lifetime_s: Positive
+    encoder_counts_per_rev: Annotated[int, Field(ge=4)]
+    pid: Pid
+    limits: VelocityLimits
+
+
+class Motor(Section):
+    """Both motors of the plant; pairs are (left, right)."""
+
+    drive: Literal["dc", "instantaneous", "linear"]
+    no_load_speed_rad_per_s: Positive
+    time_constant_s: Positive
+    friction_duty: NotNegative
+    gain: Pair
+
+
+class Body(Section):
+    """How the real body differs from what the software believes."""
+
+    wheel_radius_factor: Pair
+    track_width_factor: Positive
+
+
+class Placement(Section):
+    """How exactly a hand places the robot: uniform within plus and minus these."""
+
+    position_m: NotNegative
+    angle_rad: NotNegative
+
+
+class Plant(Section):
+    """What stands in for hardware."""
+
+    encoder_rate_hz: Positive
+    largest_step_s: Positive
+    initial_pose: Triple
+    battery_v: Positive
+    motor: Motor
+    body: Body
+    placement: Placement
+
+
+class Mocap(Section):
+    """The motion-capture cameras."""
+
+    rate_hz: Positive
+    latency_s: NotNegative
+    position_noise_m: NotNegative
+    angle_noise_rad: NotNegative
+    lost_frame_share: Share
+
+
+class StateSet(Section):
+    """A box of poses and velocities, each as [low, high]."""
+
+    x1_m: Range
+    x2_m: Range
+    theta_rad: Range
+    v_m_per_s: Range
+    omega_rad_per_s: Range
+
+
+class Sampler(Section):
+    """The calibration session."""
+
+    segments_per_basis: Annotated[int, Field(ge=1)]
+    basis_inputs: Annotated[tuple[Pair, ...], Field(min_length=2, max_length=3)]
+    draw_set: StateSet
+    admissible_set: StateSet
+    smallest_steps: Annotated[int, Field(ge=1)]
+    largest_steps: Annotated[int, Field(ge=1)]
+    drive_speed_m_per_s: Positive
+    turn_speed_rad_per_s: Positive
+    acceleration_m_per_s2: Positive
+    turn_acceleration_rad_per_s2: Positive
+    position_tolerance_m: Positive
+    angle_tolerance_rad: Positive
+    settle_s: NotNegative
+    phase_time_limit_s: Positive
+    tracking_timeout_s: Positive
+
+    @property
+    def indexed_inputs(self) -> dict[int, Pair]:
+        """The basis inputs by their index in the paper.
+
+        Two inputs are u_1 and u_2 of a driftless robot, whose M_0 is the identity; three begin
+        with u_0.
+        """
+        return dict(enumerate(self.basis_inputs, start=3 - len(self.basis_inputs)))
+
+
+class Processing(Section):
+    """From a session log to a data set."""
+
+    dt_s: Positive
+    smoothing_window: Annotated[int, Field(ge=1)]
+    discard_start_s: NotNegative
+    discard_end_s: NotNegative
+
+
+class Model(Section):
+    """What is learned."""
+
+    dictionary: str
+
+
+class Weights(Section):
+    """Diagonal weights of one stage cost: q for states, r for inputs."""
+
+    q: tuple[NotNegative, ...]
+    r: tuple[Positive, Positive]
+
+
+class Controller(Section):
+    """The predictive controller."""
+
+    dt_s: Positive
+    horizon: Annotated[int, Field(ge=1, le=1000)]
+    cost: Literal["me"]
+    reprojection: bool
+    u_max: tuple[Positive, Positive]
+    weights: dict[Literal["me"], Weights]
+    parked_position_m: Pair
+    parked_angle_rad: Positive
+    parked_hold_s: NotNegative
+    time_limit_s: Positive
+    tracking_timeout_s: Positive
+    largest_failures_in_a_row: Annotated[int, Field(ge=1)]
+
+
+class LabConfig(Section):
+    """One lab."""
+
+    seed: Annotated[int, Field(ge=0)]
+    robot: Robot
+    bus: Bus
+    motor_loop: MotorLoop
+    plant: Plant
+    mocap: Mocap
+    sampler: Sampler
+    processing: Processing
+    model: Model
+    controller: Controller
+
+    @model_validator(mode="after")
+    def _fits_the_robot(self) -> LabConfig:
+        kind, states = self.robot.kind, {"kinematic": 3, "dynamic": 5}[self.robot.kind]
+        for cost, weights in self.controller.weights.items():
+            if len(weights.q) != states:
+                raise ValueError(
+                    f"controller.weights.{cost}.q has {len(weights.q)} weights, "
+                    f"the {kind} robot has {states} states"
+                )
+        if self.controller.cost not in self.controller.weights:
+            raise ValueError(f"controller.weights lacks the cost {self.controller.cost!r}")
+        if kind == "dynamic" and len(self.sampler.basis_inputs) != 3:
+            raise ValueError("sampler.basis_inputs of the dynamic robot must be u_0, u_1, u_2")
+        return self

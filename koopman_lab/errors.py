@@ -1,0 +1,32 @@
+"""Expected mistakes: each becomes one message and exit code 2, never a traceback.
+
+A message says what is wrong, where (file, key or channel), and the next step.
+"""
+
+
+class LabError(Exception):
+    """Base of every expected mistake."""
+
+
+class ConfigError(LabError):
+    """A configuration file or an override cannot be used."""
+
+
+class LogError(LabError):
+    """A session log is missing, damaged or does not hold what is needed."""
+
+
+class DataError(LabError):
+    """A data set cannot be used, for example because it does not excite the dictionary."""
+
+
+class ModelError(LabError):
+    """A model file is missing, damaged, or belongs to another robot or dictionary."""
+
+
+class BusError(LabError):
+    """The LCM bus cannot be used, or a channel does not exist."""
+
+
+class LabStateError(LabError):
+    """The lab is not in the state a command needs, for example a process did not start."""

@@ -1,0 +1,1 @@
+"""Dictionaries, EDMD fit, bilinear models."""

@@ -1,0 +1,1 @@
+"""Stage costs, optimal control problem, solvers, receding horizon."""

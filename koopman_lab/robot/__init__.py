@@ -1,0 +1,1 @@
+"""Nominal models of the robot."""

@@ -1,0 +1,1 @@
+"""Acceleration and velocity control of the wheels."""
