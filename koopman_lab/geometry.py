@@ -24,6 +24,16 @@ class Pose(NamedTuple):
     theta: float
 
 
+class Velocity(NamedTuple):
+    """A body velocity: m/s, rad/s."""
+
+    v: float
+    omega: float
+
+
+REST = Velocity(0.0, 0.0)
+
+
 def wrap_angle(theta: Angle) -> Angle:
     """Shift an angle (rad; a float or an array) by a multiple of 2 pi into (-pi, pi]."""
     if isinstance(theta, np.ndarray):

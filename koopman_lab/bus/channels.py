@@ -25,6 +25,10 @@ class Message(Protocol):
     def encode(self) -> bytes:
         """Return the wire form: fingerprint, then the fields in big-endian order."""
 
+    @staticmethod
+    def decode(data: bytes) -> Any:
+        """Return the message; ValueError or struct.error if ``data`` is none of this type."""
+
 
 M = TypeVar("M", bound=Message)
 

@@ -41,8 +41,8 @@ class Port(Protocol):
     def every(self, rate_hz: float, tick: Tick) -> None:
         """Call ``tick`` at absolute deadlines; ticks that come too late are skipped and counted."""
 
-    def lost_messages(self) -> int:
-        """Return how many messages the sequence numbers show missing on this node's channels."""
+    def lost_messages(self) -> dict[str, int]:
+        """Return, by channel name, how many messages the sequence numbers show missing."""
 
     def finish(self) -> None:
         """Tell the runner that this node's work is done."""

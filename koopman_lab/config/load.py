@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import yaml
 from pydantic import BaseModel, ValidationError
@@ -70,7 +70,11 @@ def load_config(
     """
     user = [read_layer(file)] if file else []
     user += [_override(text) for text in overrides]
-    kind = robot or _robot_kind(user)
+    said = _robot_kind(user)
+    if robot and said and robot != said:
+        where = _locate(("robot", "kind"), user)
+        raise ConfigError(f"{where}: robot.kind is {said}, but --robot says {robot}; drop one")
+    kind = robot or said or "kinematic"
     layers = [_default("base"), _default(kind)]
     if preset == "ideal":
         layers += [_default("ideal"), _default(f"ideal_{kind}")]
@@ -82,11 +86,6 @@ def load_config(
         config = LabConfig.model_validate(values)
     except ValidationError as error:
         raise ConfigError(_explain(error.errors(), layers)) from None
-    if robot and config.robot.kind != robot:
-        where = _locate(("robot", "kind"), layers)
-        raise ConfigError(
-            f"{where}: robot.kind is {config.robot.kind}, but --robot says {robot}; drop one"
-        )
     return config
 
 
@@ -188,13 +187,14 @@ def _default(name: str) -> Layer:
     return _parse((folder / f"{name}.yaml").read_text(encoding="utf-8"), f"defaults/{name}.yaml")
 
 
-def _robot_kind(layers: Sequence[Layer]) -> RobotKind:
+def _robot_kind(layers: Sequence[Layer]) -> RobotKind | None:
     for layer in reversed(layers):
         section = layer.values.get("robot")
         kind = section.get("kind") if isinstance(section, Mapping) else None
-        if kind == "dynamic":
-            return "dynamic"
-    return "kinematic"
+        for known in get_args(RobotKind):
+            if kind == known:
+                return known  # type: ignore[no-any-return]
+    return None
 
 
 def _locate(key: Key, layers: Sequence[Layer]) -> str:

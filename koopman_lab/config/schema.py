@@ -78,6 +78,7 @@ class Pid(Section):
     derivative_s: NotNegative
     derivative_filter_s: Positive
     feed_forward_full_duty_rad_per_s: Positive
+    feed_forward_lag_s: NotNegative
     friction_duty: NotNegative
 
 

@@ -1,0 +1,145 @@
+"""What both runners share: handlers, timers, sequence numbers, loss counts, heartbeats."""
+
+from __future__ import annotations
+
+import struct
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+import lcmtypes
+from koopman_lab.bus.channels import HEARTBEATS, Channel, M
+from koopman_lab.bus.node import Node, RawHandler, Tick
+from koopman_lab.bus.sequence import SMALLEST_MESSAGE, SequenceCounter, peek
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.units import US_PER_S
+
+
+class Timer:
+    """Absolute deadlines at ``start_us + k / rate_hz``; keeps count of ticks run and skipped."""
+
+    def __init__(self, rate_hz: float, tick: Tick) -> None:
+        self.tick = tick
+        self.start_us = 0
+        self.run = 0
+        self.missed = 0
+        self._period_us = US_PER_S / rate_hz
+        self._index = 0
+
+    @property
+    def deadline_us(self) -> int:
+        """Return the nominal time of the next tick."""
+        return self.start_us + round(self._index * self._period_us)
+
+    def fire(self, now_us: int) -> int:
+        """Run the newest tick that is due and return how late it was (us).
+
+        Older ticks that are due as well are skipped and counted: a burst to catch up would run
+        the component at times that have passed.
+        """
+        behind = int((now_us - self.deadline_us) / self._period_us)
+        if behind > 0:
+            self.missed += behind
+            self._index += behind
+        deadline = self.deadline_us
+        self.tick(deadline)
+        self.run += 1
+        self._index += 1
+        return now_us - deadline
+
+
+class BasePort(ABC):
+    """The part of :class:`koopman_lab.bus.node.Port` that does not depend on the runner."""
+
+    virtual: bool
+
+    def __init__(self, node_name: str, config: LabConfig, pid: int) -> None:
+        self.robot_name = config.robot.name
+        self.handlers: dict[str, list[RawHandler]] = {}
+        self.timers: list[Timer] = []
+        self.finished = False
+        self.undecodable = 0
+        self.worst_lateness_us = 0
+        self._node_name = node_name
+        self._pid = pid
+        self._counters: dict[str, SequenceCounter] = {}
+        self._next_sequence: dict[str, int] = {}
+        self._heartbeat_rate_hz = config.bus.heartbeat_rate_hz
+
+    @abstractmethod
+    def now_us(self) -> int:
+        """Return the present time in us."""
+
+    @abstractmethod
+    def send(self, name: str, data: bytes) -> None:
+        """Put an encoded message on the bus."""
+
+    def attach(self, node: Node) -> None:
+        """Let the node register itself, then add its heartbeat."""
+        node.attach(self)
+        self.every(self._heartbeat_rate_hz, self._heartbeat)
+
+    def publish(self, channel: Channel[M], message: M) -> None:
+        """Send a message with the next sequence number of its channel."""
+        sequence = self._next_sequence.get(channel.suffix, 0)
+        self._next_sequence[channel.suffix] = sequence + 1
+        message.sequence = sequence
+        self.send(channel.name(self.robot_name), message.encode())
+
+    def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
+        """Call ``handler`` with every message of a channel that can be decoded."""
+        decode = channel.type.decode
+
+        def handle(name: str, data: bytes, arrived_us: int) -> None:
+            del name, arrived_us
+            try:
+                message = decode(data)
+            except (ValueError, struct.error):
+                self.undecodable += 1
+                return
+            handler(message)
+
+        self.subscribe_raw(channel, handle)
+
+    def subscribe_raw(self, channel: Channel[M], handler: RawHandler) -> None:
+        """Call ``handler`` with every message of a channel as bytes."""
+        self.handlers.setdefault(channel.name(self.robot_name), []).append(handler)
+
+    def every(self, rate_hz: float, tick: Tick) -> None:
+        """Call ``tick`` at absolute deadlines."""
+        self.timers.append(Timer(rate_hz, tick))
+
+    def finish(self) -> None:
+        """Tell the runner that this node's work is done."""
+        self.finished = True
+
+    def lost_messages(self) -> dict[str, int]:
+        """Return, by channel name, how many messages the sequence numbers show missing."""
+        return {name: counter.lost for name, counter in self._counters.items()}
+
+    def deliver(self, name: str, data: bytes, arrived_us: int) -> None:
+        """Hand a received message to the handlers of its channel."""
+        if len(data) >= SMALLEST_MESSAGE:
+            counter = self._counters.get(name)
+            if counter is None:
+                counter = self._counters[name] = SequenceCounter()
+            counter.update(peek(data)[1])
+        for handler in self.handlers[name]:
+            handler(name, data, arrived_us)
+
+    def ticks(self) -> tuple[int, int]:
+        """Return ``(run, missed)`` over all timers."""
+        return sum(t.run for t in self.timers), sum(t.missed for t in self.timers)
+
+    def _heartbeat(self, now_us: int) -> None:
+        channel = HEARTBEATS.get(self._node_name)
+        if channel is None:
+            return
+        status = lcmtypes.node_status_t()
+        status.utime = now_us
+        status.pid = self._pid
+        status.ticks, status.missed_ticks = self.ticks()
+        status.worst_lateness_us = self.worst_lateness_us
+        status.lost_messages = sum(self.lost_messages().values())
+        status.undecodable_messages = self.undecodable
+        self.worst_lateness_us = 0
+        self.publish(channel, status)

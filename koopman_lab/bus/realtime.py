@@ -1,0 +1,238 @@
+"""One node in this process, over LCM, in real time."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+import re
+import select
+import signal
+import time
+from collections.abc import Callable, Iterator
+from types import FrameType
+from typing import Any
+
+import lcm
+
+from koopman_lab.bus.channels import Channel, M
+from koopman_lab.bus.node import Node
+from koopman_lab.bus.port import BasePort
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import BusError
+from koopman_lab.units import US_PER_S
+
+LONGEST_WAIT_S = 0.5
+"""A node without timers still looks up this often."""
+
+
+def bus_url(config: LabConfig) -> str:
+    """Return the LCM URL with the receive buffer asked for; without it bursts are lost."""
+    url = config.bus.url
+    if not url.startswith("udpm://") or "recv_buf_size" in url:
+        return url
+    join = "&" if "?" in url else "?"
+    return f"{url}{join}recv_buf_size={config.bus.receive_buffer_bytes}"
+
+
+def open_lcm(config: LabConfig) -> lcm.LCM:
+    """Open the bus.
+
+    Raises
+    ------
+    BusError
+        If LCM cannot be opened; the message says how to make a multicast route.
+    """
+    url = bus_url(config)
+    try:
+        return lcm.LCM(url)
+    except (RuntimeError, ValueError, OSError):
+        raise BusError(
+            f"bus.url {config.bus.url}: LCM cannot open it. Most often there is no route for "
+            "multicast; on one machine this makes one: sudo ip link set lo multicast on && "
+            "sudo ip route add 224.0.0.0/4 dev lo. `klab doctor` looks closer."
+        ) from None
+
+
+class Clock:
+    """Microseconds since the Unix epoch that never step: a monotonic clock, offset once."""
+
+    def __init__(self) -> None:
+        self._offset_us = (time.time_ns() - time.monotonic_ns()) // 1000
+
+    def now_us(self) -> int:
+        """Return the present time in us."""
+        return time.monotonic_ns() // 1000 + self._offset_us
+
+
+class RealtimePort(BasePort):
+    """A node's side of the LCM bus."""
+
+    virtual = False
+
+    def __init__(self, node_name: str, config: LabConfig, bus: lcm.LCM) -> None:
+        super().__init__(node_name, config, pid=os.getpid())
+        self._clock = Clock()
+        self.bus = bus
+
+    def now_us(self) -> int:
+        """Return the present time in us since the Unix epoch."""
+        return self._clock.now_us()
+
+    def send(self, name: str, data: bytes) -> None:
+        """Publish."""
+        self.bus.publish(name, data)
+
+    def listen(self) -> None:
+        """Subscribe at LCM to every channel that has a handler; call once, after attaching."""
+        for name in self.handlers:
+            subscribe(self.bus, name, lambda n, data: self.deliver(n, data, self.now_us()))
+
+    def drain(self) -> None:
+        """Handle everything that has arrived."""
+        drain(self.bus)
+
+
+def subscribe(bus: lcm.LCM, name: str, handler: Callable[[str, bytes], None]) -> None:
+    """Subscribe to exactly one channel with an unlimited queue.
+
+    LCM takes a regular expression, and by default keeps only the oldest 30 messages.
+    """
+    bus.subscribe(f"^{re.escape(name)}$", handler).set_queue_capacity(0)
+
+
+def drain(bus: lcm.LCM) -> None:
+    """Handle everything that has arrived, without waiting."""
+    while bus.handle_timeout(0) > 0:
+        pass
+
+
+class StopSignals:
+    """Turns SIGINT and SIGTERM into a flag and a readable file descriptor."""
+
+    def __init__(self) -> None:
+        self.received = False
+        self._read, self._write = os.pipe()
+        os.set_blocking(self._write, False)
+
+    def fileno(self) -> int:
+        """Return the descriptor that becomes readable on a signal."""
+        return self._read
+
+    @contextlib.contextmanager
+    def installed(self) -> Iterator[None]:
+        """Catch the signals inside the block."""
+        wanted = (signal.SIGINT, signal.SIGTERM)
+        before = {number: signal.signal(number, self._note) for number in wanted}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+            os.close(self._read)
+            os.close(self._write)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        del number, frame
+        self.received = True
+        with contextlib.suppress(BlockingIOError):
+            os.write(self._write, b"\0")
+
+
+def run_node(node: Node, config: LabConfig, *, lifeline_fd: int | None = None) -> None:
+    """Run one node until SIGINT, SIGTERM, its own finish, or the end of the lifeline.
+
+    Parameters
+    ----------
+    node
+        What to run; its ``close`` is called in every case.
+    lifeline_fd
+        Read end of a pipe whose write end the supervisor holds and never writes to. When the
+        supervisor dies, even by SIGKILL, the pipe ends and so does this node.
+
+    Raises
+    ------
+    BusError
+        If the bus cannot be opened.
+    """
+    port = RealtimePort(node.name, config, open_lcm(config))
+    stop = StopSignals()
+    with stop.installed():
+        try:
+            port.attach(node)
+            port.listen()
+            _loop(port, stop, lifeline_fd)
+        finally:
+            node.close()
+
+
+def _loop(port: RealtimePort, stop: StopSignals, lifeline_fd: int | None) -> None:
+    # A collection over start-up's objects would cost milliseconds in the middle of a tick.
+    gc.collect()
+    gc.freeze()
+    bus_fd = port.bus.fileno()
+    wait_for: list[Any] = [bus_fd, stop]
+    if lifeline_fd is not None:
+        wait_for.append(lifeline_fd)
+    start_us = port.now_us()
+    for timer in port.timers:
+        timer.start_us = start_us
+    while not (stop.received or port.finished):
+        next_us = min((t.deadline_us for t in port.timers), default=None)
+        wait_s = LONGEST_WAIT_S
+        if next_us is not None:
+            wait_s = min(wait_s, max(0.0, (next_us - port.now_us()) / US_PER_S))
+        readable, _, _ = select.select(wait_for, (), (), wait_s)
+        if lifeline_fd is not None and lifeline_fd in readable:
+            return
+        try:
+            if bus_fd in readable:
+                port.drain()
+        except OSError:
+            # LCM's wait ends this way when a signal handler ran in it.
+            if not stop.received:
+                raise
+            return
+        for timer in sorted(port.timers, key=lambda t: t.deadline_us):
+            now_us = port.now_us()
+            if timer.deadline_us <= now_us:
+                lateness = timer.fire(now_us)
+                port.worst_lateness_us = max(port.worst_lateness_us, lateness)
+
+
+class Listener:
+    """A person's process on the bus: listens and now and then speaks, but keeps no rate.
+
+    Raises
+    ------
+    BusError
+        If the bus cannot be opened.
+    """
+
+    def __init__(self, config: LabConfig) -> None:
+        self._bus = open_lcm(config)
+        self._port = RealtimePort("", config, self._bus)
+
+    def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
+        """Call ``handler`` with every message of a channel."""
+        name = channel.name(self._port.robot_name)
+        known = name in self._port.handlers
+        self._port.subscribe(channel, handler)
+        if not known:
+            port = self._port
+            subscribe(self._bus, name, lambda n, data: port.deliver(n, data, port.now_us()))
+
+    def publish(self, channel: Channel[M], message: M) -> None:
+        """Send a message; its ``utime`` is the caller's to set (see :meth:`now_us`)."""
+        self._port.publish(channel, message)
+
+    def now_us(self) -> int:
+        """Return the present time in us since the Unix epoch."""
+        return self._port.now_us()
+
+    def spin(self, timeout_s: float) -> bool:
+        """Wait for messages, handle all that have arrived; return whether there were any."""
+        readable, _, _ = select.select([self._bus.fileno()], (), (), timeout_s)
+        if readable:
+            drain(self._bus)
+        return bool(readable)

@@ -1,0 +1,96 @@
+"""What every node that drives the robot needs: who is alive, commands, the session's facts."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+import lcmtypes
+from koopman_lab.bus import channels
+from koopman_lab.bus.node import Port
+from koopman_lab.config.load import dump_config
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.units import US_PER_S
+
+ONBOARD_TIMEOUT_S = 1.0
+"""Ten of its status messages."""
+LOGGER_TIMEOUT_S = 2.0
+"""Four of its heartbeats."""
+
+
+class Freshness:
+    """The newest pose and status, as long as they are young enough to act on."""
+
+    def __init__(self, port: Port, config: LabConfig) -> None:
+        self._pose: lcmtypes.mocap_pose_t | None = None
+        self._onboard: lcmtypes.onboard_status_t | None = None
+        self._logger: lcmtypes.logger_status_t | None = None
+        self._tracking_timeout_s = config.sampler.tracking_timeout_s
+        port.subscribe(channels.MOCAP_POSE, self._on_pose)
+        port.subscribe(channels.ONBOARD_STATUS, self._on_onboard)
+        port.subscribe(channels.LOGGER_STATUS, self._on_logger)
+
+    def pose(self, now_us: int) -> lcmtypes.mocap_pose_t | None:
+        """Return the newest valid pose, or None while tracking is lost."""
+        return _young(self._pose, now_us, self._tracking_timeout_s)
+
+    def onboard(self, now_us: int) -> lcmtypes.onboard_status_t | None:
+        """Return the newest status of the motor loop, or None while it is silent."""
+        return _young(self._onboard, now_us, ONBOARD_TIMEOUT_S)
+
+    def logger(self, now_us: int) -> bool:
+        """Return whether the logger is writing down what happens."""
+        return _young(self._logger, now_us, LOGGER_TIMEOUT_S) is not None
+
+    def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:
+        if message.tracking_valid:
+            self._pose = message
+
+    def _on_onboard(self, message: lcmtypes.onboard_status_t) -> None:
+        self._onboard = message
+
+    def _on_logger(self, message: lcmtypes.logger_status_t) -> None:
+        self._logger = message
+
+
+def _young(message: channels.M | None, now_us: int, timeout_s: float) -> channels.M | None:
+    if message is None or now_us - message.utime > timeout_s * US_PER_S:
+        return None
+    return message
+
+
+class Commands:
+    """Sends inputs as the message the robot's kind is driven with."""
+
+    def __init__(self, port: Port, config: LabConfig, commander: int) -> None:
+        self._port = port
+        self._commander = commander
+        self._accelerates = config.robot.kind == "dynamic"
+
+    def send(self, u: tuple[float, float], utime: int) -> None:
+        """Send (v, omega) in m/s and rad/s, or (a, d_omega) in m/s^2 and rad/s^2."""
+        if self._accelerates:
+            acceleration = lcmtypes.acceleration_command_t()
+            acceleration.utime, acceleration.commander = utime, self._commander
+            acceleration.a_m_per_s2, acceleration.d_omega_rad_per_s2 = u
+            self._port.publish(channels.ACCELERATION_CMD, acceleration)
+        else:
+            velocity = lcmtypes.velocity_command_t()
+            velocity.utime, velocity.commander = utime, self._commander
+            velocity.v_m_per_s, velocity.omega_rad_per_s = u
+            self._port.publish(channels.VELOCITY_CMD, velocity)
+
+
+class SessionInfo:
+    """Repeats what is being done and with which configuration, so that a log explains itself."""
+
+    def __init__(self, port: Port, config: LabConfig, activity: str) -> None:
+        self._port = port
+        self._message = lcmtypes.session_info_t()
+        self._message.activity = activity
+        self._message.config_yaml = dump_config(config)
+        self._message.version = version("koopman-lab")
+        port.every(1.0, self._send)
+
+    def _send(self, tick_us: int) -> None:
+        self._message.utime = tick_us
+        self._port.publish(channels.SESSION_INFO, self._message)

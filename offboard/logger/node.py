@@ -1,0 +1,61 @@
+"""Writes every logged channel into a standard LCM event log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import lcmtypes
+from koopman_lab.bus import channels
+from koopman_lab.bus.node import Port
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.data.eventlog import EventLogWriter
+
+FLUSH_RATE_HZ = 10.0
+"""Ending the process by force costs at most this period of data."""
+
+
+class LoggerNode:
+    """Listens to every logged channel of the table; speaks LOGGER_STATUS.
+
+    Parameters
+    ----------
+    config
+        The lab; names the robot whose channels are logged.
+    path
+        The log to write; it must not exist yet.
+    """
+
+    name = "logger"
+
+    def __init__(self, config: LabConfig, path: Path) -> None:
+        self._heartbeat_rate_hz = config.bus.heartbeat_rate_hz
+        self._mocap_name = channels.MOCAP_POSE.name(config.robot.name)
+        self._writer = EventLogWriter(path)
+        self._events = 0
+        self._bytes = 0
+
+    def attach(self, port: Port) -> None:
+        """Register channels and timers."""
+        self._port = port
+        for channel in channels.CHANNELS:
+            if channel.logged:
+                port.subscribe_raw(channel, self._on_message)
+        port.every(FLUSH_RATE_HZ, lambda _: self._writer.flush())
+        port.every(self._heartbeat_rate_hz, self._on_heartbeat)
+
+    def close(self) -> None:
+        """Flush and close the log."""
+        self._writer.close()
+
+    def _on_message(self, name: str, data: bytes, arrived_us: int) -> None:
+        self._bytes += self._writer.write(name, data, arrived_us)
+        self._events += 1
+
+    def _on_heartbeat(self, tick_us: int) -> None:
+        status = lcmtypes.logger_status_t()
+        status.utime = tick_us
+        status.events, status.bytes = self._events, self._bytes
+        lost = self._port.lost_messages()
+        status.lost_messages = sum(lost.values())
+        status.mocap_lost_messages = lost.get(self._mocap_name, 0)
+        self._port.publish(channels.LOGGER_STATUS, status)

@@ -1,0 +1,1 @@
+"""The calibration session of the paper's section 5.1."""

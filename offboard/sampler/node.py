@@ -1,0 +1,88 @@
+"""Ties the sampler to the bus."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import lcmtypes
+from koopman_lab.bus import channels
+from koopman_lab.bus.node import Port
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.geometry import Pose, Velocity
+from offboard.commander import Commands, Freshness, SessionInfo
+from offboard.sampler.plan import Planner
+from offboard.sampler.sampler import Action, Observation, Phase, Sampler
+
+FAREWELLS = 4
+"""The last state is sent this often, so that losing one message loses nothing."""
+
+
+class SamplerNode:
+    """Listens to poses and to who is alive; commands the robot and says so in SAMPLER_STATE."""
+
+    name = "sampler"
+
+    def __init__(self, config: LabConfig) -> None:
+        rng = np.random.default_rng(np.random.SeedSequence([config.seed, 2]))
+        self.sampler = Sampler(config, Planner(config, rng))
+        self._config = config
+        self._farewells = 0
+
+    def attach(self, port: Port) -> None:
+        """Register channels and timers."""
+        self._port = port
+        self._alive = Freshness(port, self._config)
+        self._commands = Commands(port, self._config, lcmtypes.velocity_command_t.SAMPLER)
+        SessionInfo(port, self._config, "calibrate")
+        port.subscribe(channels.MOCAP_POSE, self._on_pose)
+        port.every(1.0 / self._config.controller.dt_s, self._on_tick)
+
+    def close(self) -> None:
+        """Nothing is held; the motor loop's watchdog stops the robot."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the session brought: segments, frames, draws given up by reason."""
+        s = self.sampler
+        return {
+            "complete": s.done == s.total,
+            "segments": s.done,
+            "segments_wanted": s.total,
+            "frames": s.frames,
+            "redraws": dict(sorted(s.redraws.items())),
+        }
+
+    def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:
+        if message.tracking_valid:
+            self.sampler.see_frame()
+
+    def _on_tick(self, tick_us: int) -> None:
+        del tick_us
+        now_us = self._port.now_us()
+        frame, status = self._alive.pose(now_us), self._alive.onboard(now_us)
+        seen = Observation(
+            Pose(frame.x1_m, frame.x2_m, frame.theta_rad) if frame else None,
+            Velocity(status.v_setpoint_m_per_s, status.omega_setpoint_rad_per_s)
+            if status
+            else None,
+            status is not None and self._alive.logger(now_us),
+        )
+        action = self.sampler.step(seen, now_us)
+        self._commands.send(action.u, now_us)
+        self._send_state(action, now_us)
+        if action.phase is Phase.DONE:
+            self._farewells += 1
+            if self._farewells == FAREWELLS:
+                self._port.finish()
+
+    def _send_state(self, action: Action, utime: int) -> None:
+        message = lcmtypes.sampler_state_t()
+        message.utime = utime
+        message.phase = action.phase
+        message.segment, message.basis_index = action.segment, action.basis_index
+        message.u1, message.u2 = action.u
+        message.segments_done, message.segments_total = self.sampler.done, self.sampler.total
+        message.samples = self.sampler.frames
+        message.redraws = self.sampler.redraws.total()
+        self._port.publish(channels.SAMPLER_STATE, message)

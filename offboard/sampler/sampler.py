@@ -1,0 +1,286 @@
+"""The sampler as a state machine: rotate, drive, rotate, launch, basis input, brake, again."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from enum import IntEnum
+from typing import NamedTuple
+
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import LabStateError
+from koopman_lab.geometry import REST, Pose, Velocity, wrap_angle
+from koopman_lab.units import US_PER_S
+from offboard.sampler.plan import Draw, Launch, Planner, contains
+from offboard.sampler.profile import clip, slew, stopping_speed
+
+MOST_DRAWS = 10_000
+REACTION_S = 0.1
+"""Braking distance allows for two control intervals of delay."""
+STANDING_S = 0.25
+"""Longer than the delay of the reported set-point, so that it may be believed."""
+HEADING_GAIN_PER_S = 2.0
+STEERING_DISTANCE_M = 0.1
+"""Nearer than this the bearing to the target is noise, and the robot drives straight on."""
+
+
+class Phase(IntEnum):
+    """Of the session; the numbers are those of ``sampler_state_t``."""
+
+    WAIT = 0
+    ROTATE_TO_TARGET = 1
+    DRIVE = 2
+    ROTATE_TO_HEADING = 3
+    SETTLE = 4
+    LAUNCH = 5
+    BASIS = 6
+    BRAKE = 7
+    DONE = 8
+
+
+class Observation(NamedTuple):
+    """What the sampler sees in a step.
+
+    ``pose`` is None while tracking is lost; ``setpoint`` is what the motor loop reports; ``ready``
+    is false while the motor loop or the logger is silent.
+    """
+
+    pose: Pose | None
+    setpoint: Velocity | None
+    ready: bool
+
+
+class Action(NamedTuple):
+    """Phase and input of one control interval."""
+
+    phase: Phase
+    segment: int
+    basis_index: int
+    u: tuple[float, float]
+
+
+class Sampler:
+    """One calibration session (paper, section 5.1).
+
+    Parameters
+    ----------
+    config
+        The whole lab; ``config.sampler`` names what is sampled.
+    planner
+        Draws states and judges them.
+    """
+
+    def __init__(self, config: LabConfig, planner: Planner) -> None:
+        settings = config.sampler
+        self.phase = Phase.WAIT
+        self.runs = 0
+        self.done = 0
+        self.frames = 0
+        self.redraws: Counter[str] = Counter()
+        self.total = settings.segments_per_basis * len(settings.basis_inputs)
+        self._settings = settings
+        self._planner = planner
+        self._inputs = settings.indexed_inputs
+        self._accelerates = config.robot.kind == "dynamic"
+        self._dt_s = config.controller.dt_s
+        self._velocity = REST
+        self._draw = Draw(Pose(0.0, 0.0, 0.0), REST)
+        self._launch = Launch(0, (0.0, 0.0))
+        self._steps = 0
+        self._since_us = 0
+
+    @property
+    def basis_index(self) -> int:
+        """Index of the basis input that is next or now applied; they take turns."""
+        return list(self._inputs)[self.done % len(self._inputs)]
+
+    def see_frame(self) -> None:
+        """Count a tracked camera frame if a basis input is being applied."""
+        if self.phase is Phase.BASIS:
+            self.frames += 1
+
+    def step(self, seen: Observation, now_us: int) -> Action:
+        """Return what to command for the next control interval.
+
+        Raises
+        ------
+        LabStateError
+            If the sets leave no room for a run.
+        """
+        if self.phase not in (Phase.WAIT, Phase.BRAKE, Phase.DONE):
+            self._check(seen, now_us)
+        # A phase that finds itself at its end hands over within the same step.
+        for _ in Phase:
+            u = self._act(seen, now_us)
+            if u is not None:
+                break
+        else:
+            u = self._towards(REST)
+        self._velocity = self._planner.after(self._velocity, u)
+        self._steps += 1
+        return Action(self.phase, self.runs, self.basis_index, u)
+
+    def _act(self, seen: Observation, now_us: int) -> tuple[float, float] | None:
+        """Return the input of the present phase, or None after moving on to another phase."""
+        if self.phase is Phase.DONE:
+            return self._towards(REST)
+        if self.phase is Phase.WAIT:
+            if seen.ready and seen.pose is not None:
+                self._enter(Phase.BRAKE, now_us)
+                return None
+            return self._towards(REST)
+        if self.phase is Phase.BRAKE:
+            return self._brake(seen, now_us)
+        assert seen.pose is not None  # by _check
+        if self.phase is Phase.DRIVE:
+            return self._drive(seen.pose, now_us)
+        if self.phase is Phase.SETTLE:
+            return self._settle(seen.pose, now_us)
+        if self.phase is Phase.LAUNCH:
+            return self._launch_step(now_us)
+        if self.phase is Phase.BASIS:
+            return self._basis(seen.pose, now_us)
+        return self._rotate(seen.pose, now_us)
+
+    def _check(self, seen: Observation, now_us: int) -> None:
+        """Give the run up where it cannot go on."""
+        limit_us = round(self._settings.phase_time_limit_s * US_PER_S)
+        if seen.pose is None:
+            self._give_up("tracking lost", now_us)
+        elif not seen.ready:
+            self._give_up("onboard loop or logger silent", now_us)
+        elif self.phase is not Phase.BASIS and now_us - self._since_us > limit_us:
+            self._give_up("phase took too long", now_us)
+        elif self.phase is Phase.LAUNCH and not self._inside(seen.pose, self._velocity):
+            self._give_up("left Z during the launch", now_us)
+
+    def _inside(self, pose: Pose, velocity: Velocity) -> bool:
+        return contains(self._settings.admissible_set, pose, velocity)
+
+    def _rotate(self, pose: Pose, now_us: int) -> tuple[float, float] | None:
+        target = self._draw.pose
+        to_target = self.phase is Phase.ROTATE_TO_TARGET
+        if to_target and self._distance(pose) < self._settings.position_tolerance_m:
+            self._enter(Phase.ROTATE_TO_HEADING, now_us)
+            return None
+        heading = self._bearing(pose) if to_target else target.theta
+        error = wrap_angle(heading - pose.theta)
+        slow = abs(self._velocity.omega) < 3.0 * self._settings.angle_tolerance_rad
+        if slow and abs(error) < self._settings.angle_tolerance_rad / 3.0:
+            self._enter(Phase.DRIVE if to_target else Phase.SETTLE, now_us)
+            return None
+        speed = stopping_speed(error, self._settings.turn_acceleration_rad_per_s2, REACTION_S)
+        return self._towards(Velocity(0.0, clip(speed, self._settings.turn_speed_rad_per_s)))
+
+    def _drive(self, pose: Pose, now_us: int) -> tuple[float, float] | None:
+        distance = self._distance(pose)
+        error = wrap_angle(self._bearing(pose) - pose.theta)
+        along = distance * math.cos(error)
+        if along < self._settings.position_tolerance_m / 4.0:
+            self._enter(Phase.ROTATE_TO_HEADING, now_us)
+            return None
+        speed = stopping_speed(along, self._settings.acceleration_m_per_s2, REACTION_S)
+        omega = HEADING_GAIN_PER_S * error if distance > STEERING_DISTANCE_M else 0.0
+        return self._towards(
+            Velocity(
+                min(speed, self._settings.drive_speed_m_per_s),
+                clip(omega, self._settings.turn_speed_rad_per_s),
+            )
+        )
+
+    def _settle(self, pose: Pose, now_us: int) -> tuple[float, float] | None:
+        if self._velocity != REST:
+            self._since_us = now_us
+        elif now_us - self._since_us >= round(self._settings.settle_s * US_PER_S):
+            turned = abs(wrap_angle(pose.theta - self._draw.pose.theta))
+            if (
+                self._distance(pose) > self._settings.position_tolerance_m
+                or turned > self._settings.angle_tolerance_rad
+            ):
+                self._give_up("missed the drawn pose", now_us)
+                return None
+            u = self._inputs[self.basis_index]
+            if not self._planner.worth_driving(pose, self._launch, u):
+                self._give_up("run would leave Z too soon", now_us)
+                return None
+            self._enter(Phase.LAUNCH, now_us)
+            return None
+        return self._towards(REST)
+
+    def _launch_step(self, now_us: int) -> tuple[float, float] | None:
+        if self._steps >= self._launch.steps:
+            self._enter(Phase.BASIS, now_us)
+            return None
+        return self._launch.u
+
+    def _basis(self, pose: Pose, now_us: int) -> tuple[float, float] | None:
+        u = self._inputs[self.basis_index]
+        stays = self._inside(pose, self._planner.after(self._velocity, u))
+        if stays and self._steps < self._settings.largest_steps:
+            return u
+        if self._steps >= self._settings.smallest_steps:
+            self.done += 1
+        else:
+            self.redraws["left Z too soon"] += 1
+        self.runs += 1
+        self._enter(Phase.BRAKE, now_us)
+        return None
+
+    def _brake(self, seen: Observation, now_us: int) -> tuple[float, float] | None:
+        if self._velocity != REST:
+            self._since_us = now_us
+            return self._towards(REST)
+        if now_us - self._since_us < round(STANDING_S * US_PER_S):
+            return self._towards(REST)
+        if self._accelerates and seen.setpoint is not None and max(map(abs, seen.setpoint)) > 1e-6:
+            # Commands were lost on the way: the robot still moves by what they would have taken.
+            self._velocity = seen.setpoint
+            return self._towards(REST)
+        if self.done == self.total:
+            self._enter(Phase.DONE, now_us)
+            return None
+        if seen.pose is None or not seen.ready:
+            return self._towards(REST)
+        self._draw_next()
+        self._enter(Phase.ROTATE_TO_TARGET, now_us)
+        return None
+
+    def _draw_next(self) -> None:
+        u = self._inputs[self.basis_index]
+        for _ in range(MOST_DRAWS):
+            self._draw = self._planner.draw()
+            self._launch = self._planner.launch(self._draw.velocity)
+            if self._planner.worth_driving(self._draw.pose, self._launch, u):
+                return
+            self.redraws["drawn state leaves Z too soon"] += 1
+        raise LabStateError(
+            f"sampler: none of {MOST_DRAWS} states drawn from sampler.draw_set stays in "
+            f"sampler.admissible_set for {self._settings.smallest_steps} steps of basis input {u}; "
+            "enlarge the set or lower sampler.smallest_steps"
+        )
+
+    def _give_up(self, reason: str, now_us: int) -> None:
+        if self.phase is Phase.BASIS:
+            self.runs += 1
+        self.redraws[reason] += 1
+        self._enter(Phase.BRAKE, now_us)
+
+    def _enter(self, phase: Phase, now_us: int) -> None:
+        self.phase = phase
+        self._since_us = now_us
+        self._steps = 0
+
+    def _towards(self, wanted: Velocity) -> tuple[float, float]:
+        """Return the input of a step from the present velocity towards ``wanted``."""
+        s, now = self._settings, self._velocity
+        v = slew(now.v, wanted.v, s.acceleration_m_per_s2 * self._dt_s)
+        omega = slew(now.omega, wanted.omega, s.turn_acceleration_rad_per_s2 * self._dt_s)
+        if not self._accelerates:
+            return v, omega
+        return (v - now.v) / self._dt_s, (omega - now.omega) / self._dt_s
+
+    def _distance(self, pose: Pose) -> float:
+        return math.hypot(self._draw.pose.x1 - pose.x1, self._draw.pose.x2 - pose.x2)
+
+    def _bearing(self, pose: Pose) -> float:
+        return math.atan2(self._draw.pose.x2 - pose.x2, self._draw.pose.x1 - pose.x1)

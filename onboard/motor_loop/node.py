@@ -1,0 +1,96 @@
+"""Ties the motor loop to the bus."""
+
+from __future__ import annotations
+
+import struct
+
+import lcmtypes
+from koopman_lab.bus import channels
+from koopman_lab.bus.node import Port
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.geometry import body_velocity
+from onboard.motor_loop.loop import Command, MotorLoop
+
+
+class OnboardNode:
+    """Listens to commands, ESTOP and ENCODER; speaks MOTOR_CMD, WHEEL_STATE, ONBOARD_STATUS."""
+
+    name = "onboard"
+
+    def __init__(self, config: LabConfig) -> None:
+        self.loop = MotorLoop(config)
+        self._robot = config.robot
+        self._rates = config.motor_loop
+
+    def attach(self, port: Port) -> None:
+        """Register channels and timers."""
+        self._port = port
+        port.subscribe(channels.ENCODER, self._on_encoder)
+        port.subscribe(channels.ESTOP, lambda message: self.loop.estop(message.engaged))
+        port.subscribe_raw(channels.VELOCITY_CMD, self._on_command)
+        port.subscribe_raw(channels.ACCELERATION_CMD, self._on_command)
+        port.every(self._rates.rate_hz, self._on_tick)
+        port.every(self._rates.wheel_state_rate_hz, self._on_wheel_state_tick)
+        port.every(self._rates.status_rate_hz, self._on_status_tick)
+
+    def close(self) -> None:
+        """Leave the motors at zero."""
+        self._send_duties(0.0, 0.0, self._port.now_us())
+
+    def _on_encoder(self, message: lcmtypes.encoder_t) -> None:
+        self.loop.encoder(message.utime, message.left_count, message.right_count, message.battery_v)
+
+    def _on_command(self, name: str, data: bytes, arrived_us: int) -> None:
+        del name
+        try:
+            command = self._decode(data)
+        except (ValueError, struct.error):
+            self.loop.refuse_type()
+            return
+        self.loop.command(command, arrived_us)
+
+    def _decode(self, data: bytes) -> Command:
+        # The fingerprint decides: the other robot's type raises ValueError here.
+        if self._robot.kind == "dynamic":
+            a = lcmtypes.acceleration_command_t.decode(data)
+            return Command(a.utime, a.sequence, a.commander, a.a_m_per_s2, a.d_omega_rad_per_s2)
+        v = lcmtypes.velocity_command_t.decode(data)
+        return Command(v.utime, v.sequence, v.commander, v.v_m_per_s, v.omega_rad_per_s)
+
+    def _on_tick(self, tick_us: int) -> None:
+        self._send_duties(*self.loop.tick(tick_us), tick_us)
+
+    def _send_duties(self, left: float, right: float, utime: int) -> None:
+        message = lcmtypes.motor_command_t()
+        message.utime = utime
+        message.left_duty, message.right_duty = left, right
+        self._port.publish(channels.MOTOR_CMD, message)
+
+    def _on_wheel_state_tick(self, tick_us: int) -> None:
+        del tick_us
+        mean = self.loop.odometry.mean()
+        if mean is None:
+            return
+        message = lcmtypes.wheel_state_t()
+        message.utime, message.window_s = mean.utime, mean.window_s
+        message.left_rad_per_s, message.right_rad_per_s = mean.left, mean.right
+        message.v_m_per_s, message.omega_rad_per_s = body_velocity(
+            mean.left, mean.right, self._robot.wheel_radius_m, self._robot.track_width_m
+        )
+        self._port.publish(channels.WHEEL_STATE, message)
+
+    def _on_status_tick(self, tick_us: int) -> None:
+        loop, refused = self.loop, self.loop.counts.refused
+        message = lcmtypes.onboard_status_t()
+        message.utime = tick_us
+        message.state = loop.state
+        message.commander = loop.holder
+        message.v_setpoint_m_per_s, message.omega_setpoint_rad_per_s = loop.setpoint
+        message.accepted = loop.counts.accepted
+        message.refused_value = refused["value"]
+        message.refused_stale = refused["stale"]
+        message.refused_order = refused["order"]
+        message.refused_commander = refused["commander"]
+        message.refused_type = refused["type"]
+        message.battery_v = loop.battery_v
+        self._port.publish(channels.ONBOARD_STATUS, message)

@@ -1,0 +1,79 @@
+"""Wheel speeds from encoder counters."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from koopman_lab.units import US_PER_S
+
+COUNTER_RANGE = 1 << 32
+
+
+class WheelSpeeds(NamedTuple):
+    """Mean wheel speeds (rad/s) over a window, and the middle of that window (us)."""
+
+    utime: int
+    window_s: float
+    left: float
+    right: float
+
+
+def count_difference(newer: int, older: int) -> int:
+    """Return ``newer - older`` of 32-bit counters that may have wrapped in between."""
+    return (newer - older + COUNTER_RANGE // 2) % COUNTER_RANGE - COUNTER_RANGE // 2
+
+
+class Odometry:
+    """Unwraps both counters and averages speeds over the newest samples.
+
+    Parameters
+    ----------
+    counts_per_rev
+        Counts for one turn of the wheel.
+    window_s
+        Length of history to keep.
+    """
+
+    def __init__(self, counts_per_rev: int, window_s: float) -> None:
+        self._rad_per_count = 2.0 * math.pi / counts_per_rev
+        self._window_us = round(window_s * US_PER_S)
+        self._samples: deque[tuple[int, int, int]] = deque()
+        self._raw: tuple[int, int] | None = None
+
+    def update(self, utime: int, left_count: int, right_count: int) -> None:
+        """Take a sample; one that is not newer than the last is ignored."""
+        if self._raw is None:
+            self._raw = (left_count, right_count)
+            self._samples.append((utime, 0, 0))
+            return
+        last_utime, left, right = self._samples[-1]
+        if utime <= last_utime:
+            return
+        left += count_difference(left_count, self._raw[0])
+        right += count_difference(right_count, self._raw[1])
+        self._raw = (left_count, right_count)
+        self._samples.append((utime, left, right))
+        # One sample older than the window stays, so that the mean covers all of it.
+        while len(self._samples) > 2 and self._samples[1][0] <= utime - self._window_us:
+            self._samples.popleft()
+
+    def newest(self) -> WheelSpeeds | None:
+        """Return the speeds between the last two samples, or None before there are two."""
+        return self._mean(-2)
+
+    def mean(self) -> WheelSpeeds | None:
+        """Return the speeds over the window, or None before there are two samples."""
+        return self._mean(0)
+
+    def _mean(self, first: int) -> WheelSpeeds | None:
+        if len(self._samples) < 2:
+            return None
+        t0, left0, right0 = self._samples[first]
+        t1, left1, right1 = self._samples[-1]
+        window_s = (t1 - t0) / US_PER_S
+        scale = self._rad_per_count / window_s
+        return WheelSpeeds(
+            (t0 + t1) // 2, window_s, scale * (left1 - left0), scale * (right1 - right0)
+        )

@@ -1,0 +1,53 @@
+"""Speed control of one wheel."""
+
+from __future__ import annotations
+
+import math
+
+from koopman_lab.config import schema
+
+
+class WheelController:
+    """PID with feed-forward; speeds in rad/s, the output is a duty in [-1, 1].
+
+    The feed-forward inverts the nominal motor: a first-order lag with Coulomb friction.
+    The derivative acts on the filtered measurement, so a step of the set-point does not kick.
+    Anti-windup: the integral stands still while the output is limited in its direction.
+    """
+
+    def __init__(self, settings: schema.Pid) -> None:
+        self._settings = settings
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._integral = 0.0
+        self._filtered: float | None = None
+        self._setpoint: float | None = None
+
+    def step(self, setpoint: float, measured: float, dt_s: float) -> float:
+        """Return the duty for the next ``dt_s`` seconds."""
+        s = self._settings
+        if self._filtered is None:
+            self._filtered = measured
+        share = dt_s / (s.derivative_filter_s + dt_s)
+        change = share * (measured - self._filtered)
+        self._filtered += change
+        before = setpoint if self._setpoint is None else self._setpoint
+        self._setpoint = setpoint
+        rate = (setpoint - before) / dt_s
+        # What was measured is the mean of the past tick, in which the wheel followed ``before``;
+        # held against the new set-point, every ramp would wind up the integral.
+        error = before - measured
+        friction = math.copysign(s.friction_duty, setpoint) if setpoint else 0.0
+        unlimited = (
+            (setpoint + s.feed_forward_lag_s * rate) / s.feed_forward_full_duty_rad_per_s
+            + friction
+            + s.proportional * error
+            + self._integral
+            - s.derivative_s * change / dt_s
+        )
+        limited = min(1.0, max(-1.0, unlimited))
+        if unlimited == limited or error * unlimited < 0.0:
+            self._integral += s.integral_per_s * error * dt_s
+        return limited

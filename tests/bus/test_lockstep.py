@@ -1,0 +1,84 @@
+import pytest
+
+import lcmtypes
+from koopman_lab.bus import channels
+from koopman_lab.bus.lockstep import Lockstep
+from koopman_lab.config.load import load_config
+
+
+class Talker:
+    name = "plant"
+
+    def attach(self, port):
+        self.port = port
+        port.every(100.0, self.tick)
+
+    def tick(self, tick_us):
+        message = lcmtypes.encoder_t()
+        message.utime = tick_us
+        self.port.publish(channels.ENCODER, message)
+
+    def close(self):
+        pass
+
+
+class Hearer:
+    name = "onboard"
+
+    def __init__(self):
+        self.heard = []
+        self.before_tick = []
+
+    def attach(self, port):
+        self.port = port
+        port.subscribe(channels.ENCODER, lambda m: self.heard.append((port.now_us(), m.utime)))
+        port.every(100.0, lambda _: self.before_tick.append(len(self.heard)))
+
+    def close(self):
+        pass
+
+
+def run(seconds, *overrides):
+    lockstep, hearer = Lockstep(load_config(overrides=overrides)), Hearer()
+    lockstep.add(Talker())
+    lockstep.add(hearer)
+    lockstep.run(seconds)
+    return hearer
+
+
+def test_messages_arrive_before_the_timers_of_the_same_instant():
+    assert run(0.05).before_tick == [1, 2, 3, 4, 5, 6]
+
+
+def test_delay_and_loss_of_a_link():
+    heard = run(10.0, "bus.links={ENCODER: {delay_s: 0.003, loss: 0.25}}").heard
+    assert all(now - sent == 3000 for now, sent in heard)
+    assert 650 < len(heard) < 850
+    assert heard == run(10.0, "bus.links={ENCODER: {delay_s: 0.003, loss: 0.25}}").heard
+    assert heard != run(10.0, "bus.links={ENCODER: {delay_s: 0.003, loss: 0.25}}", "seed=2").heard
+
+
+def test_it_stops_when_a_node_has_finished_and_hands_out_what_was_sent():
+    lockstep, hearer = Lockstep(load_config()), Hearer()
+    talker = Talker()
+    lockstep.add(talker)
+    lockstep.add(hearer)
+    tick = talker.tick
+
+    def last(tick_us):
+        tick(tick_us)
+        if tick_us == 50_000:
+            talker.port.finish()
+
+    talker.port.timers[0].tick = last
+    assert lockstep.run(1.0)
+    assert hearer.heard[-1] == (50_000, 50_000)
+
+
+def test_until_and_injected_messages():
+    lockstep, hearer = Lockstep(load_config()), Hearer()
+    lockstep.add(hearer)
+    lockstep.publish(channels.ENCODER, lcmtypes.encoder_t())
+    assert lockstep.run(10.0, until=lambda: lockstep.now_us >= 3_000_000)
+    assert len(hearer.heard) == 1
+    assert lockstep.now_us == pytest.approx(3_000_000, abs=20_000)

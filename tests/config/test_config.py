@@ -1,0 +1,110 @@
+from pathlib import Path
+
+import pytest
+import yaml
+
+from koopman_lab.config.load import dump_config, load_config, parse_config
+from koopman_lab.errors import ConfigError
+
+
+@pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
+@pytest.mark.parametrize("preset", ["lab", "ideal"])
+def test_a_dumped_configuration_reads_back_unchanged(robot, preset):
+    config = load_config(robot=robot, preset=preset)
+    assert parse_config(dump_config(config), "dump") == config
+
+
+def test_the_papers_numbers():
+    kinematic, dynamic = load_config(robot="kinematic"), load_config(robot="dynamic")
+    assert kinematic.sampler.indexed_inputs == {1: (0.2, -0.4), 2: (0.2, 0.6)}
+    assert dynamic.sampler.indexed_inputs == {0: (0.0, 0.0), 1: (0.2, 0.0), 2: (0.0, 0.5)}
+    assert (kinematic.controller.horizon, dynamic.controller.horizon) == (60, 50)
+    assert (kinematic.model.dictionary, dynamic.model.dictionary) == ("D5t", "D8Eul")
+    for config in (kinematic, dynamic):
+        assert config.mocap.rate_hz == 240.0
+        assert config.motor_loop.rate_hz == 100.0
+        assert config.motor_loop.wheel_state_window_s == 0.05
+        assert config.controller.dt_s == config.processing.dt_s == 0.05
+        assert config.processing.smoothing_window == 40
+
+
+def test_later_layers_win(tmp_path: Path):
+    file = tmp_path / "lab.yaml"
+    file.write_text("robot: {kind: dynamic, name: R7}\ncontroller:\n  horizon: 30\n")
+    config = load_config(file, overrides=["controller.horizon=40"])
+    assert config.robot.name == "R7"
+    assert config.controller.horizon == 40
+    assert config.model.dictionary == "D8Eul"
+
+
+def message(tmp_path: Path, text: str, **kwargs) -> str:
+    file = tmp_path / "lab.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigError) as error:
+        load_config(file, **kwargs)
+    return str(error.value).replace(str(file), "lab.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "controller:\n  horizont: 40\n",
+            "lab.yaml:2: controller.horizont: unknown key; did you mean controller.horizon?",
+        ),
+        (
+            "horizon: 40\n",
+            "lab.yaml:1: horizon: unknown key; did you mean controller.horizon?",
+        ),
+        (
+            "controller:\n  horizon: 0\n",
+            "lab.yaml:2: controller.horizon: input should be greater than or equal to 1, found 0",
+        ),
+        (
+            "sampler:\n  draw_set:\n    x1_m: [2, 1]\n",
+            "lab.yaml:3: sampler.draw_set.x1_m: expected [low, high] with low < high, found [2, 1]",
+        ),
+        ("robot: {name: r 1}\n", "lab.yaml:1: robot.name: string should match pattern"),
+        ("mocap: {rate_hz: .nan}\n", "lab.yaml:1: mocap.rate_hz: input should be a finite number"),
+        ("mocap: [1\n", "lab.yaml:2: not valid YAML"),
+        ("just words\n", "lab.yaml:1: expected sections such as 'controller:'"),
+        ("bus: {links: {MOCAP: {loss: 0.1}}}\n", "no channel 'MOCAP'; there are: MOCAP_POSE"),
+        ("controller: {weights: {me: {q: [1, 2], r: [1, 1]}}}\n", "the kinematic robot has 3"),
+    ],
+)
+def test_messages_name_file_line_key_and_remedy(tmp_path, text, said):
+    assert said in message(tmp_path, text)
+
+
+def test_robot_of_the_file_and_of_the_command_must_agree(tmp_path):
+    said = message(tmp_path, "robot:\n  kind: dynamic\n", robot="kinematic")
+    assert said == "lab.yaml:2: robot.kind is dynamic, but --robot says kinematic; drop one"
+
+
+@pytest.mark.parametrize("override", ["controller.horizon", "=3", ".=3", "controller.horizon=[1"])
+def test_malformed_overrides(override):
+    with pytest.raises(ConfigError, match="--set"):
+        load_config(overrides=[override])
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(ConfigError, match="no such configuration file"):
+        load_config(tmp_path / "none.yaml")
+
+
+def test_every_default_says_where_it_comes_from():
+    """Each value line of the default files carries a comment, or stands below one that does."""
+    folder = Path(load_config.__code__.co_filename).parent / "defaults"
+    for file in ("base.yaml", "kinematic.yaml", "dynamic.yaml"):
+        text = (folder / file).read_text()
+        assert yaml.safe_load(text)
+        explained_indent = None
+        for line in text.splitlines():
+            if not line.strip() or line.lstrip().startswith("#"):
+                continue
+            indent = len(line) - len(line.lstrip())
+            if explained_indent is not None and indent > explained_indent:
+                continue
+            explained_indent = indent if "#" in line else None
+            section = line.rstrip().endswith(":")
+            assert "#" in line or section, f"{file}: no source for: {line.strip()}"

@@ -1,0 +1,131 @@
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from koopman_lab.config.load import load_config
+from koopman_lab.errors import LabStateError
+from koopman_lab.geometry import REST, Pose, Velocity, compose, move_along_arc
+from offboard.sampler.plan import Planner, contains
+from offboard.sampler.profile import stopping_speed
+from offboard.sampler.sampler import Observation, Phase, Sampler
+
+DT_S = 0.05
+
+
+class World:
+    """The nominal robot, seen exactly and at once."""
+
+    def __init__(self, robot, *overrides):
+        self.config = load_config(robot=robot, overrides=overrides)
+        self.sampler = Sampler(self.config, Planner(self.config, np.random.default_rng(3)))
+        self.pose, self.velocity, self.now_us = Pose(0.2, 0.1, 0.5), REST, 0
+        self.tracked = self.ready = True
+        self.actions = []
+
+    def step(self):
+        seen = Observation(self.pose if self.tracked else None, self.velocity, self.ready)
+        action = self.sampler.step(seen, self.now_us)
+        self.actions.append((action, self.pose, self.velocity))
+        before = self.velocity
+        if self.config.robot.kind == "kinematic":
+            self.velocity = before = Velocity(*action.u)
+        else:
+            self.velocity = Velocity(
+                before.v + action.u[0] * DT_S, before.omega + action.u[1] * DT_S
+            )
+        mean_v, mean_omega = np.mean([before, self.velocity], axis=0)
+        moved = move_along_arc(Pose(0.0, 0.0, 0.0), mean_v * DT_S, mean_omega * DT_S)
+        self.pose = compose(self.pose, moved)
+        self.now_us += 50_000
+        return action
+
+    def run(self, until, limit=60_000):
+        for _ in range(limit):
+            if until(self.step()):
+                return
+        pytest.fail("the sampler did not get there")
+
+
+def runs(world):
+    segments = {}
+    for action, pose, velocity in world.actions:
+        if action.phase is Phase.BASIS:
+            segments.setdefault(action.segment, []).append((action, pose, velocity))
+    return segments
+
+
+@pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
+def test_a_session_gives_the_wanted_segments_in_turn(robot):
+    world = World(robot, "sampler.segments_per_basis=4")
+    world.run(lambda a: a.phase is Phase.DONE)
+    settings, inputs = world.config.sampler, world.config.sampler.indexed_inputs
+    segments = runs(world)
+    order = [rows[0][0].basis_index for rows in segments.values()]
+    assert Counter(order) == dict.fromkeys(inputs, 4)
+    assert order == list(inputs) * 4
+    for rows in segments.values():
+        assert settings.smallest_steps <= len(rows) <= settings.largest_steps
+        for action, pose, velocity in rows:
+            assert action.u == inputs[action.basis_index]
+            if robot == "dynamic":
+                assert contains(settings.admissible_set, pose, velocity)
+    assert world.velocity == pytest.approx(REST, abs=1e-9)
+
+
+def test_the_launch_reaches_the_drawn_velocity_with_admissible_accelerations():
+    config = load_config(robot="dynamic")
+    planner = Planner(config, np.random.default_rng(0))
+    for _ in range(100):
+        wanted = planner.draw().velocity
+        launch = planner.launch(wanted)
+        reached = np.multiply(launch.u, launch.steps * DT_S)
+        assert tuple(reached) == pytest.approx(wanted, abs=1e-12)
+        assert abs(launch.u[0]) <= config.sampler.acceleration_m_per_s2 * (1 + 1e-12)
+        assert abs(launch.u[1]) <= config.sampler.turn_acceleration_rad_per_s2 * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("phase", [Phase.DRIVE, Phase.LAUNCH, Phase.BASIS, Phase.ROTATE_TO_TARGET])
+def test_lost_tracking_brakes_and_the_session_goes_on_afterwards(phase):
+    world = World("dynamic", "sampler.segments_per_basis=1")
+    world.run(lambda a: a.phase is phase)
+    world.tracked = False
+    for _ in range(60):
+        assert world.step().phase is Phase.BRAKE
+    assert world.velocity == pytest.approx(REST, abs=1e-9)
+    assert world.sampler.redraws["tracking lost"] == 1
+    world.tracked = True
+    world.run(lambda a: a.phase is Phase.DONE)
+    assert world.sampler.done == 3
+
+
+def test_nothing_moves_before_somebody_writes_it_down():
+    world = World("kinematic")
+    world.ready = False
+    for _ in range(50):
+        assert world.step().u == (0.0, 0.0)
+    assert world.sampler.phase is Phase.WAIT
+
+
+def test_a_robot_that_still_moves_after_lost_commands_is_brought_to_rest():
+    world = World("dynamic", "sampler.segments_per_basis=1")
+    world.run(lambda a: a.phase is Phase.BRAKE)
+    world.velocity = Velocity(world.velocity.v + 0.05, world.velocity.omega - 0.2)
+    world.run(lambda a: a.phase is Phase.ROTATE_TO_TARGET, limit=100)
+    assert world.actions[-1][2] == pytest.approx(REST, abs=1e-9)
+
+
+def test_impossible_sets_end_with_a_remedy():
+    world = World("kinematic", "sampler.admissible_set.x1_m=[5.0, 6.0]")
+    with pytest.raises(LabStateError, match=r"lower sampler\.smallest_steps"):
+        world.run(lambda a: a.phase is Phase.DONE)
+
+
+@given(st.floats(-5, 5), st.floats(0.1, 5), st.floats(0, 0.5))
+def test_stopping_speed_just_stops_in_the_distance(distance, acceleration, reaction_s):
+    speed = stopping_speed(distance, acceleration, reaction_s)
+    way = abs(speed) * reaction_s + speed**2 / (2 * acceleration)
+    assert way == pytest.approx(abs(distance), abs=1e-9)
+    assert speed * distance >= 0
