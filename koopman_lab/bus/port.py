@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from typing import Any
 
 import lcmtypes
 from koopman_lab.bus.channels import HEARTBEATS, Channel, M
@@ -62,6 +63,7 @@ class BasePort(ABC):
         self._node_name = node_name
         self._pid = pid
         self._counters: dict[str, SequenceCounter] = {}
+        self._listeners: dict[str, list[Callable[[Any], None]]] = {}
         self._next_sequence: dict[str, int] = {}
         self._heartbeat_rate_hz = config.bus.heartbeat_rate_hz
 
@@ -86,8 +88,15 @@ class BasePort(ABC):
         self.send(channel.name(self.robot_name), message.encode())
 
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
-        """Call ``handler`` with every message of a channel that can be decoded."""
-        decode = channel.type.decode
+        """Call ``handler`` with every message of a channel that can be decoded.
+
+        A message is decoded once, however many handlers a node has for its channel.
+        """
+        decode, listeners = channel.type.decode, self._listeners.get(channel.suffix)
+        if listeners is not None:
+            listeners.append(handler)
+            return
+        self._listeners[channel.suffix] = listeners = [handler]
 
         def handle(name: str, data: bytes, arrived_us: int) -> None:
             del name, arrived_us
@@ -96,7 +105,8 @@ class BasePort(ABC):
             except (ValueError, struct.error):
                 self.undecodable += 1
                 return
-            handler(message)
+            for listener in listeners:
+                listener(message)
 
         self.subscribe_raw(channel, handle)
 

@@ -59,7 +59,7 @@ class Plant:
     def place(self, pose: Pose) -> None:
         """Place the robot by hand: at rest, within the accuracy of ``config.plant.placement``."""
         spread, turn = self._placement.position_m, self._placement.angle_rad
-        e1, e2, e3 = self._rng.uniform(-1.0, 1.0, 3)
+        e1, e2, e3 = self._rng.uniform(-1.0, 1.0, 3).tolist()
         self.pose = Pose(
             pose.x1 + spread * e1, pose.x2 + spread * e2, wrap_angle(pose.theta + turn * e3)
         )

@@ -5,9 +5,9 @@ import signal
 import subprocess
 import sys
 
-import lcmtypes
 import pytest
 
+import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.realtime import Listener, bus_url, open_lcm
 from koopman_lab.config.load import dump_config, load_config
@@ -32,7 +32,7 @@ def config(bus_url):
 
 @pytest.fixture
 def plant(config):
-    """A plant process, and the end of its lifeline that keeps it alive."""
+    """Start a plant; yield its process, and the end of its lifeline that keeps it alive."""
     read, write = os.pipe()
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, dump_config(config), str(read)], pass_fds=[read]
@@ -76,7 +76,8 @@ def test_a_plant_process_keeps_its_rates_and_loses_nothing(config, plant):
     assert heard["PLANT_HEARTBEAT"][-1].pid == plant[0].pid
 
 
-def test_it_hears_what_is_sent_to_it(config, plant):
+@pytest.mark.usefixtures("plant")
+def test_it_hears_what_is_sent_to_it(config):
     listener, heard = listen(config, channels.MOCAP_POSE)
     wait_for(listener, lambda: heard["MOCAP_POSE"])
 

@@ -1,0 +1,237 @@
+"""Data sets: pairs of states and successors, sorted by the basis input they were taken under."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from koopman_lab.bus.channels import MOCAP_POSE, SAMPLER_STATE
+from koopman_lab.config.schema import LabConfig, Processing, RobotKind
+from koopman_lab.data.collect import check_frames, check_runs, collect
+from koopman_lab.data.decode import SessionLog
+from koopman_lab.data.segments import basis_runs, cut
+from koopman_lab.errors import DataError
+from koopman_lab.files import replacing
+from koopman_lab.robot.models import nominal_model
+
+FORMAT = 1
+"""Version of the file; raised when its meaning changes."""
+_TABLES = ("X", "Y", "segments", "start_us", "basis_inputs")
+
+
+@dataclass(frozen=True, eq=False)
+class DataSet:
+    """Pairs of states and successors for each basis input.
+
+    Attributes
+    ----------
+    X, Y
+        By basis index: states (d, n), and the states (d, n) dt later; m, m, rad and, for the
+        second-order robot, m/s, rad/s. Angles of X lie in (-pi, pi], those of Y go on from there.
+    segments
+        By basis index: number of the run each pair is from (d,).
+    start_us
+        By basis index: utime of each state in X (d,) in us.
+    basis_inputs
+        By basis index: the input (2,) in m/s, rad/s or m/s^2, rad/s^2. An index that is not here
+        was not meant to be sampled.
+    dt_s
+        Sampling time (s).
+    robot_kind
+        Which states and inputs.
+    metadata
+        How the data were made; JSON.
+
+    Raises
+    ------
+    DataError
+        If the arrays do not fit together.
+    """
+
+    X: dict[int, NDArray[np.float64]]
+    Y: dict[int, NDArray[np.float64]]
+    segments: dict[int, NDArray[np.int64]]
+    start_us: dict[int, NDArray[np.int64]]
+    basis_inputs: dict[int, NDArray[np.float64]]
+    dt_s: float
+    robot_kind: RobotKind
+    metadata: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        n = nominal_model(self.robot_kind).state_dim
+        for name, table in self._tables():
+            if table.keys() != self.basis_inputs.keys():
+                raise DataError(
+                    f"data set: {name} is of the basis inputs {sorted(table)}, "
+                    f"expected {sorted(self.basis_inputs)}"
+                )
+            for index, array in table.items():
+                samples = len(self.X[index])
+                columns = {"X": (samples, n), "Y": (samples, n), "basis_inputs": (2,)}
+                expected = columns.get(name, (samples,))
+                if array.shape != expected:
+                    raise DataError(
+                        f"data set of the {self.robot_kind} robot: {name} of basis input {index} "
+                        f"has shape {array.shape}, expected {expected}"
+                    )
+
+    @property
+    def data_hash(self) -> str:
+        """Return the SHA-256 of everything a fit depends on, the same on every machine."""
+        digest = hashlib.sha256(f"{self.robot_kind} {self.dt_s!r}".encode())
+        for name, table in self._tables():
+            for index, array in sorted(table.items()):
+                little = np.ascontiguousarray(array, array.dtype.newbyteorder("<"))
+                digest.update(f" {name}_{index} {little.dtype.str} {little.shape} ".encode())
+                digest.update(little.tobytes())
+        return digest.hexdigest()
+
+    def save(self, path: Path) -> None:
+        """Write one ``.npz`` file without pickle, whole or not at all."""
+        header = {
+            "format": FORMAT,
+            "dt_s": self.dt_s,
+            "robot_kind": self.robot_kind,
+            "indices": sorted(self.basis_inputs),
+            "metadata": dict(self.metadata),
+        }
+        text = json.dumps(header, sort_keys=True).encode()
+        arrays = {
+            f"{name}_{index}": array
+            for name, table in self._tables()
+            for index, array in sorted(table.items())
+        }
+        with replacing(path) as file:
+            np.savez(file, allow_pickle=False, header=np.frombuffer(text, np.uint8), **arrays)
+
+    @classmethod
+    def load(cls, path: Path) -> DataSet:
+        """Read a file that :meth:`save` wrote.
+
+        Raises
+        ------
+        DataError
+            If the file is missing, damaged, no data set, or of another version.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                header = json.loads(bytes(file["header"]))
+                if header["format"] != FORMAT:
+                    raise DataError(
+                        f"{path}: data set of format {header['format']}, this version reads "
+                        f"{FORMAT}; make it again from its session"
+                    )
+                content: dict[str, Any] = {
+                    name: {index: file[f"{name}_{index}"] for index in header["indices"]}
+                    for name in _TABLES
+                }
+                content |= {name: header[name] for name in ("dt_s", "robot_kind", "metadata")}
+        except FileNotFoundError:
+            raise DataError(f"{path}: no such data set; make it from its session") from None
+        except _DAMAGED:
+            raise DataError(
+                f"{path}: damaged, or not a data set; make it again from its session"
+            ) from None
+        return cls(**content)
+
+    @classmethod
+    def from_log(
+        cls,
+        path: Path | str | SessionLog,
+        config: LabConfig | None = None,
+        *,
+        robot_name: str | None = None,
+        dt_s: float | None = None,
+        window: int | None = None,
+        salvage: bool = False,
+    ) -> DataSet:
+        """Make the data set of a session (paper, section 5.3).
+
+        Parameters
+        ----------
+        path
+            A session log, the folder that holds ``session.lcm``, or a log already read.
+        config
+            In place of the configuration that the log says.
+        robot_name
+            Whose data; needed only where the log holds several robots.
+        dt_s, window
+            In place of ``processing.dt_s`` and ``processing.smoothing_window``.
+        salvage
+            Pass over what is damaged.
+
+        Raises
+        ------
+        LogError
+            If the log cannot be used or does not say its configuration.
+        ConfigError
+            If the configuration in the log is not valid.
+        DataError
+            If the log holds no run of a basis input or is of another configuration.
+        """
+        if isinstance(path, SessionLog):
+            log = path
+        else:
+            log = SessionLog(path, robot_name=robot_name, salvage=salvage)
+        config = log.config() if config is None else config
+        settings = _settings(config.processing, dt_s, window)
+        frames, runs = log.array(MOCAP_POSE), basis_runs(log.array(SAMPLER_STATE))
+        rate_hz, inputs = config.mocap.rate_hz, config.sampler.indexed_inputs
+        check_runs(f"{log.path}, {SAMPLER_STATE.name(log.robot_name)}", runs, inputs)
+        check_frames(f"{log.path}, {MOCAP_POSE.name(log.robot_name)}", frames["utime"], rate_hz)
+        segments = cut(
+            runs,
+            frames,
+            frame_rate_hz=rate_hz,
+            discard_start_s=settings.discard_start_s,
+            discard_end_s=settings.discard_end_s,
+        )
+        found = {
+            index: collect(
+                [s for s in segments if s.run.basis_index == index],
+                config.robot.kind,
+                settings,
+                rate_hz,
+            )
+            for index in inputs
+        }
+        metadata = {
+            "robot_name": log.robot_name,
+            "frame_rate_hz": rate_hz,
+            "processing": settings.model_dump(mode="json"),
+            "runs": len(runs),
+            "basis_inputs": {str(index): part.account for index, part in found.items()},
+        }
+        return cls(
+            X={index: part.X for index, part in found.items()},
+            Y={index: part.Y for index, part in found.items()},
+            segments={index: part.segments for index, part in found.items()},
+            start_us={index: part.start_us for index, part in found.items()},
+            basis_inputs={index: np.array(u) for index, u in inputs.items()},
+            dt_s=settings.dt_s,
+            robot_kind=config.robot.kind,
+            metadata=metadata,
+        )
+
+    def _tables(self) -> list[tuple[str, dict[int, NDArray[Any]]]]:
+        return [(name, getattr(self, name)) for name in _TABLES]
+
+
+# What numpy raises for files that are no archive, a cut archive, or an archive of something else.
+_DAMAGED = (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile)
+
+
+def _settings(processing: Processing, dt_s: float | None, window: int | None) -> Processing:
+    dt_s = processing.dt_s if dt_s is None else dt_s
+    window = processing.smoothing_window if window is None else window
+    if not (0.0 < dt_s < float("inf") and window >= 1):
+        raise DataError(f"dt {dt_s} s, window {window}: dt must be above 0, the window at least 1")
+    return processing.model_copy(update={"dt_s": dt_s, "smoothing_window": window})

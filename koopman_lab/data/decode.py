@@ -1,0 +1,225 @@
+"""A session log read once: what it holds, channel by channel."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lcmtypes
+from koopman_lab.bus.channels import SESSION_INFO, Channel, M, split_name
+from koopman_lab.bus.sequence import SMALLEST_MESSAGE
+from koopman_lab.config.load import parse_config
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.data.eventlog import Damage, load_log, scan
+from koopman_lab.data.wire import StructuredArray, decode_all, decode_each
+from koopman_lab.errors import BusError, LogError
+from koopman_lab.units import US_PER_S
+
+LOG_NAME = "session.lcm"
+"""The log of a session folder."""
+
+_HEADER = np.dtype([("fingerprint", ">u8"), ("utime", ">i8"), ("sequence", ">i8")])
+
+
+@dataclass(frozen=True)
+class ChannelSummary:
+    """What a log holds of one channel.
+
+    Attributes
+    ----------
+    count
+        Messages stored.
+    first_us, last_us
+        Smallest and largest utime (us), or times of arrival where the channel is none of this lab.
+    rate_hz
+        Messages per second between those; None where there is only one instant.
+    lost
+        Messages that the sequence numbers show missing; 0 where there are none.
+    gaps
+        Places where messages are missing.
+    """
+
+    count: int
+    first_us: int
+    last_us: int
+    rate_hz: float | None
+    lost: int
+    gaps: int
+
+
+class SessionLog:
+    """A log, scanned once; channels are decoded when asked for.
+
+    Parameters
+    ----------
+    path
+        A log, or the session folder that holds ``session.lcm``.
+    robot_name
+        Whose messages; needed only where the log holds several robots.
+    salvage
+        Pass over what is damaged instead of refusing the file.
+
+    Attributes
+    ----------
+    path
+        The log.
+    channels
+        By name on the bus, in alphabetical order.
+    damage
+        What was passed over.
+
+    Raises
+    ------
+    LogError
+        If the log cannot be used; see :func:`~koopman_lab.data.eventlog.read_events`.
+    """
+
+    def __init__(
+        self, path: Path | str, *, robot_name: str | None = None, salvage: bool = False
+    ) -> None:
+        path = Path(path)
+        self.path = path / LOG_NAME if path.is_dir() else path
+        self.damage: list[Damage] = []
+        self._salvage = salvage
+        self._wanted_robot = robot_name
+        self._log = load_log(self.path)
+        messages: dict[str, list[bytes]] = defaultdict(list)
+        arrivals: dict[str, list[int]] = defaultdict(list)
+        for frame in scan(self.path, self._log, salvage=salvage, damage=self.damage):
+            messages[frame.channel].append(self._log[frame.start : frame.stop])
+            arrivals[frame.channel].append(frame.timestamp_us)
+        self._messages = dict(sorted(messages.items()))
+        self.channels = {
+            name: _summary(data, arrivals[name], _is_ours(name))
+            for name, data in self._messages.items()
+        }
+
+    @property
+    def duration_s(self) -> float:
+        """Return the time from the first to the last message (s)."""
+        first = min(channel.first_us for channel in self.channels.values())
+        return (max(channel.last_us for channel in self.channels.values()) - first) / US_PER_S
+
+    @property
+    def robot_name(self) -> str:
+        """Return whose messages are meant.
+
+        Raises
+        ------
+        LogError
+            If no or several robots speak in the log, or not the wanted one.
+        """
+        robots = sorted({split_name(name)[0] for name in self._messages if _is_ours(name)})
+        if not robots:
+            raise LogError(
+                f"{self.path}: holds no channel of this lab, only {', '.join(self._messages)}; "
+                "give the log of a session"
+            )
+        if self._wanted_robot is None:
+            if len(robots) > 1:
+                raise LogError(
+                    f"{self.path}: holds the robots {', '.join(robots)}; say which one is meant"
+                )
+            return robots[0]
+        if self._wanted_robot not in robots:
+            raise LogError(
+                f"{self.path}: holds no robot {self._wanted_robot}, only {', '.join(robots)}"
+            )
+        return self._wanted_robot
+
+    def array(self, channel: Channel[M]) -> StructuredArray:
+        """Return the messages of a fixed-size type (N,) in order of arrival.
+
+        A field each as the LCM type names them, in the byte order of this machine.
+
+        Raises
+        ------
+        LogError
+            If a message cannot be decoded. Salvage leaves such messages out.
+        TypeError
+            If the type has no fixed size; use :meth:`messages`.
+        """
+        decoded: StructuredArray = self._decode(channel, decode_all)
+        return decoded
+
+    def messages(self, channel: Channel[M]) -> list[M]:
+        """Return the decoded messages of any type, in order of arrival; raises as :meth:`array`."""
+        decoded: list[M] = self._decode(channel, decode_each)
+        return decoded
+
+    def config(self) -> LabConfig:
+        """Return the configuration that the log says the session used.
+
+        Raises
+        ------
+        LogError
+            If the log says none, or several.
+        ConfigError
+            If what it says is not valid.
+        """
+        name = SESSION_INFO.name(self.robot_name)
+        infos: list[lcmtypes.session_info_t] = self.messages(SESSION_INFO)
+        texts = {info.config_yaml: info for info in infos}
+        if not texts:
+            raise LogError(
+                f"{self.path}: holds no {name}, so it does not say its configuration; "
+                "give the configuration of the session"
+            )
+        if len(texts) > 1:
+            raise LogError(
+                f"{self.path}: {name} says {len(texts)} different configurations; "
+                "record one session to a log, or give the configuration"
+            )
+        return parse_config(next(iter(texts)), f"{self.path}, {name}")
+
+    def _decode(self, channel: Channel[Any], decode: Callable[[Any, Sequence[bytes]], Any]) -> Any:
+        name = channel.name(self.robot_name)
+        messages = self._messages.get(name, [])
+        decoded, bad = decode(channel.type, messages)
+        if len(bad) and not self._salvage:
+            raise LogError(
+                f"{self.path}: {len(bad)} of {len(messages)} messages of {name} are no "
+                f"{channel.type.__name__}, first number {bad[0]}; use --salvage to leave them out, "
+                "or the version of koopman-lab that recorded the log"
+            )
+        return decoded
+
+
+def _is_ours(name: str) -> bool:
+    try:
+        split_name(name)
+    except BusError:
+        return False
+    return True
+
+
+def _summary(messages: list[bytes], arrivals: list[int], ours: bool) -> ChannelSummary:
+    times = np.array(arrivals, np.int64)
+    missing = np.zeros(0, np.int64)
+    headers = [data[:SMALLEST_MESSAGE] for data in messages if len(data) >= SMALLEST_MESSAGE]
+    if ours and headers:
+        raw = np.frombuffer(b"".join(headers), _HEADER)
+        times = raw["utime"].astype(np.int64)
+        missing = _missing(raw["sequence"].astype(np.int64))
+    first_us, last_us = int(times.min()), int(times.max())
+    span_us = last_us - first_us
+    return ChannelSummary(
+        len(messages),
+        first_us,
+        last_us,
+        (len(times) - 1) * US_PER_S / span_us if span_us else None,
+        int(missing.sum()),
+        len(missing),
+    )
+
+
+def _missing(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the size of each gap; a lower number is a publisher that started again."""
+    missing = np.diff(sequence) - 1
+    return missing[missing > 0]

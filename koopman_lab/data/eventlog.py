@@ -1,0 +1,308 @@
+"""Standard LCM event logs: written event by event, read in one go, salvaged when damaged.
+
+An event is a sync word, event number, time of arrival, length of the channel name, length of the
+data (all big-endian), then the name and the data. The files are those of lcm-logger and
+lcm-logplayer.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple
+
+from koopman_lab.bus.channels import LONGEST_NAME
+from koopman_lab.errors import LogError
+
+SYNC_WORD = 0xEDA1DA01
+_HEADER = struct.Struct(">IqqII")
+_SYNC_BYTES = SYNC_WORD.to_bytes(4, "big")
+
+
+class Event(NamedTuple):
+    """One message as it was stored.
+
+    ``timestamp_us`` is the time of arrival at the logger; what is measured carries its own time.
+    """
+
+    number: int
+    timestamp_us: int
+    channel: str
+    data: bytes
+
+
+class Frame(NamedTuple):
+    """Where an event lies in a log: it begins at ``begin``, its data are ``log[start:stop]``."""
+
+    number: int
+    timestamp_us: int
+    channel: str
+    begin: int
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True)
+class Damage:
+    """A stretch of a log that holds no intact event.
+
+    Attributes
+    ----------
+    offset, size
+        First byte and number of bytes passed over.
+    after_us, before_us
+        Times of arrival (us) of the intact events on either side; None at an end of the log.
+    """
+
+    offset: int
+    size: int
+    after_us: int | None
+    before_us: int | None
+
+    def __str__(self) -> str:
+        text = f"{self.size} bytes at byte {self.offset}"
+        if self.after_us is not None and self.before_us is not None:
+            return f"{text}, {(self.before_us - self.after_us) / 1e6:.3f} s"
+        return f"{text}, at the {'start' if self.after_us is None else 'end'}"
+
+
+class EventLogWriter:
+    """Writes a log that must not exist yet.
+
+    The file grows as events come, so that a session that ends by force keeps what it has.
+
+    Parameters
+    ----------
+    path
+        The file to make; its folder must exist.
+
+    Raises
+    ------
+    LogError
+        If the file exists or cannot be made.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self._path = Path(path)
+        self._number = 0
+        try:
+            self._file = self._path.open("xb", buffering=1 << 16)
+        except FileExistsError:
+            raise LogError(f"{path}: exists already; choose another name or folder") from None
+        except OSError as error:
+            raise LogError(f"{path}: cannot be made: {error.strerror}") from None
+
+    def write(self, channel: str, data: bytes, timestamp_us: int) -> int:
+        """Append an event that arrived at ``timestamp_us`` (us); return the bytes it takes.
+
+        Raises
+        ------
+        LogError
+            If the channel name is none LCM can carry, or the disk refuses.
+        """
+        name = channel.encode()
+        if not 1 <= len(name) <= LONGEST_NAME:
+            raise LogError(
+                f"{self._path}: channel name {channel!r} is {len(name)} bytes long; "
+                f"LCM carries 1 to {LONGEST_NAME}"
+            )
+        header = _HEADER.pack(SYNC_WORD, self._number, timestamp_us, len(name), len(data))
+        try:
+            written = self._file.write(header + name + data)
+        except OSError as error:
+            raise self._refused(error) from None
+        self._number += 1
+        return written
+
+    def flush(self) -> None:
+        """Hand everything to the operating system, so that ending this process loses nothing.
+
+        Raises
+        ------
+        LogError
+            If the disk refuses.
+        """
+        try:
+            self._file.flush()
+        except OSError as error:
+            raise self._refused(error) from None
+
+    def close(self) -> None:
+        """Write everything to the disk and close the file; a second call does nothing.
+
+        Raises
+        ------
+        LogError
+            If the disk refuses.
+        """
+        if self._file.closed:
+            return
+        try:
+            with self._file:
+                self._file.flush()
+                os.fsync(self._file.fileno())
+        except OSError as error:
+            raise self._refused(error) from None
+
+    def __enter__(self) -> EventLogWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _refused(self, error: OSError) -> LogError:
+        return LogError(
+            f"{self._path}: cannot be written after {self._number} events: {error.strerror}; "
+            "see whether the disk is full"
+        )
+
+
+def read_events(
+    path: Path | str, *, salvage: bool = False, damage: list[Damage] | None = None
+) -> Iterator[Event]:
+    """Return the events of a log in the order they were written.
+
+    Parameters
+    ----------
+    path
+        The log.
+    salvage
+        Pass over what is damaged instead of refusing the file.
+    damage
+        Receives what was passed over, in the order of the file.
+
+    Raises
+    ------
+    LogError
+        At once if there is no such file, it is empty, or it is no event log. While iterating, if
+        it is damaged or truncated and ``salvage`` is False; the message names the byte offset and
+        the number of intact events before it.
+    """
+    log = load_log(path)
+    frames = scan(path, log, salvage=salvage, damage=damage)
+    return (Event(f.number, f.timestamp_us, f.channel, log[f.start : f.stop]) for f in frames)
+
+
+def load_log(path: Path | str) -> bytes:
+    """Return the bytes of a log for :func:`scan`.
+
+    Raises
+    ------
+    LogError
+        If there is no such file or it is empty or holds no event at all.
+    """
+    try:
+        log = Path(path).read_bytes()
+    except FileNotFoundError:
+        raise LogError(f"{path}: no such log; give the session folder or its session.lcm") from None
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read as a log: {error.strerror}") from None
+    if not log:
+        raise LogError(f"{path}: the log is empty; record the session again")
+    if _SYNC_BYTES not in log:
+        raise LogError(
+            f"{path}: not an LCM event log (no event begins anywhere in its {len(log)} bytes); "
+            "give the session.lcm of a session folder"
+        )
+    return log
+
+
+def scan(
+    path: Path | str, log: bytes, *, salvage: bool, damage: list[Damage] | None = None
+) -> Iterator[Frame]:
+    """Return where the events lie in the bytes of a log; see :func:`read_events`.
+
+    Parameters
+    ----------
+    path
+        For messages.
+    log
+        From :func:`load_log`.
+    salvage, damage
+        As for :func:`read_events`.
+    """
+    position, events = 0, 0
+    last_us: int | None = None
+    length = len(log)
+    while position < length:
+        frame = _frame_at(log, position)
+        if frame is not None and _ends_well(log, frame):
+            yield frame
+            position, events, last_us = frame.stop, events + 1, frame.timestamp_us
+            continue
+        following = _next_frame(log, position)
+        end = following.begin if following else length
+        if frame is not None and _is_intact(frame, following, end):
+            yield frame
+            position, events, last_us = frame.stop, events + 1, frame.timestamp_us
+        if not salvage:
+            raise LogError(
+                f"{path}: damaged at byte {position} of {length}, after {events} intact events; "
+                "use --salvage to keep every intact event"
+            )
+        if damage is not None:
+            before_us = following.timestamp_us if following else None
+            damage.append(Damage(position, end - position, last_us, before_us))
+        position = end
+    if not events:
+        raise LogError(f"{path}: holds no intact event; record the session again")
+
+
+def _frame_at(log: bytes, begin: int) -> Frame | None:
+    """Return the frame whose header begins here, or None if there is no believable one."""
+    try:
+        sync, number, timestamp_us, name_length, data_length = _HEADER.unpack_from(log, begin)
+    except struct.error:
+        return None
+    start = begin + _HEADER.size + name_length
+    stop = start + data_length
+    if sync != SYNC_WORD or name_length > LONGEST_NAME or stop > len(log):
+        return None
+    name = _channel_name(log[begin + _HEADER.size : start])
+    return Frame(number, timestamp_us, name, begin, start, stop) if name else None
+
+
+@lru_cache(maxsize=4096)
+def _channel_name(name: bytes) -> str:
+    """Return the channel, or an empty string if this is no name."""
+    try:
+        text = name.decode()
+    except UnicodeDecodeError:
+        return ""
+    return text if text.isprintable() else ""
+
+
+def _ends_well(log: bytes, frame: Frame) -> bool:
+    return frame.stop == len(log) or log.startswith(_SYNC_BYTES, frame.stop)
+
+
+def _next_frame(log: bytes, position: int) -> Frame | None:
+    """Return the first frame after the one that should begin at ``position``."""
+    begin = log.find(_SYNC_BYTES, position + 1)
+    while begin >= 0:
+        frame = _frame_at(log, begin)
+        if frame is not None:
+            return frame
+        begin = log.find(_SYNC_BYTES, begin + 1)
+    return None
+
+
+def _is_intact(frame: Frame, following: Frame | None, end: int) -> bool:
+    """Tell an event before a damaged stretch from one whose own length is damaged.
+
+    The length is too large if it reaches over the next event, and too small if the next event
+    bears the next number, since then nothing but this event lies in between.
+    """
+    if frame.stop > end:
+        return False
+    return following is None or following.number != frame.number + 1

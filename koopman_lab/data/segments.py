@@ -1,0 +1,127 @@
+"""Cutting a session into segments: stretches of poses under one constant basis input.
+
+Everything is matched by ``utime``, the time at the source; times of arrival play no part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lcmtypes
+from koopman_lab.data.wire import StructuredArray
+from koopman_lab.units import US_PER_S
+
+LONGEST_STEP = 1.5
+"""In frame times: a longer step from one frame to the next bridges a missing frame."""
+
+
+class Run(NamedTuple):
+    """One application of a basis input.
+
+    ``number`` counts the runs of a log from 0; ``u`` is the input (m/s and rad/s, or m/s^2 and
+    rad/s^2) in effect from ``start_us`` to ``end_us`` (us).
+    """
+
+    number: int
+    basis_index: int
+    u: tuple[float, float]
+    start_us: int
+    end_us: int
+
+
+class Segment(NamedTuple):
+    """Successive frames of one run, none missing.
+
+    ``utime_us`` (k,) in us, ascending; ``poses`` (k, 3) in m, m, rad, the angle as measured.
+    """
+
+    run: Run
+    utime_us: NDArray[np.int64]
+    poses: NDArray[np.float64]
+
+
+def basis_runs(states: StructuredArray) -> list[Run]:
+    """Return the runs in the messages of SAMPLER_STATE (N,), ordered by time.
+
+    A run lasts from the utime of its first state to that of the first state after it. Where that
+    state is missing, the run ends with the last state that is known to belong to it.
+    """
+    states = _in_time(states)
+    if not len(states):
+        return []
+    basis = states["phase"] == lcmtypes.sampler_state_t.BASIS
+    same = (
+        (basis[1:] == basis[:-1])
+        & (states["segment"][1:] == states["segment"][:-1])
+        & (states["basis_index"][1:] == states["basis_index"][:-1])
+    )
+    starts = np.concatenate([[0], np.flatnonzero(~same) + 1])
+    stops = np.concatenate([starts[1:], [len(states)]])
+    runs: list[Run] = []
+    for start, stop in zip(starts[basis[starts]], stops[basis[starts]], strict=True):
+        first, last = states[start], states[stop - 1]
+        ends_seen = stop < len(states) and states["sequence"][stop] == last["sequence"] + 1
+        end_us = states["utime"][stop] if ends_seen else last["utime"]
+        u = (float(first["u1"]), float(first["u2"]))
+        index = int(first["basis_index"])
+        runs.append(Run(len(runs), index, u, int(first["utime"]), int(end_us)))
+    return runs
+
+
+def cut(
+    runs: Sequence[Run],
+    frames: StructuredArray,
+    *,
+    frame_rate_hz: float,
+    discard_start_s: float = 0.0,
+    discard_end_s: float = 0.0,
+) -> list[Segment]:
+    """Return the segments of runs, ordered by time.
+
+    A run gives one segment, or several where frames are missing or must not be used: nothing is
+    ever bridged. A run without a usable frame gives none.
+
+    Parameters
+    ----------
+    runs
+        From :func:`basis_runs`.
+    frames
+        Messages of MOCAP_POSE (N,).
+    frame_rate_hz
+        Nominal rate of the cameras.
+    discard_start_s, discard_end_s
+        What to leave out at either end of each run (s).
+    """
+    frames = _in_time(frames)
+    utime = frames["utime"].astype(np.int64)
+    poses = np.column_stack([frames["x1_m"], frames["x2_m"], frames["theta_rad"]])
+    usable = frames["tracking_valid"] & np.isfinite(poses).all(axis=1)
+    longest_us = LONGEST_STEP * US_PER_S / frame_rate_hz
+    joined = (
+        (np.diff(frames["sequence"]) == 1)
+        & (np.diff(utime) <= longest_us)
+        & usable[1:]
+        & usable[:-1]
+    )
+    segments = []
+    for run in runs:
+        first = np.searchsorted(utime, run.start_us + round(discard_start_s * US_PER_S), "left")
+        stop = np.searchsorted(utime, run.end_us - round(discard_end_s * US_PER_S), "right")
+        breaks = 1 + np.flatnonzero(~joined[first : max(stop - 1, first)])
+        pieces = np.split(np.arange(first, stop), breaks)
+        segments += [
+            Segment(run, utime[piece], poses[piece])
+            for piece in pieces
+            if len(piece) and usable[piece[0]]
+        ]
+    return segments
+
+
+def _in_time(messages: StructuredArray) -> StructuredArray:
+    """Order messages by utime; of those with the same utime only the first is kept."""
+    _, order = np.unique(messages["utime"], return_index=True)
+    return messages[order]

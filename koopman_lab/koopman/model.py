@@ -1,0 +1,209 @@
+"""The bilinear Koopman surrogate: one matrix per basis input, and its reprojection."""
+
+from __future__ import annotations
+
+import json
+import math
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from koopman_lab.config.schema import RobotKind
+from koopman_lab.errors import ModelError
+from koopman_lab.files import replacing
+from koopman_lab.koopman.dictionary import Components, Dictionary, dictionary
+
+Array = NDArray[np.float64]
+FORMAT = 1
+"""Version of the model file; raised when its meaning changes."""
+
+
+@dataclass(frozen=True)
+class BilinearModel:
+    """psi+ = M_u psi with M_u = M_0 + sum_i lambda_i (M_i - M_0) (paper, section 2.2).
+
+    Parameters
+    ----------
+    dictionary
+        The observables and their reprojection.
+    matrices
+        M_0, M_1, M_2, shape (3, M, M). They act on psi from the left; the paper's K is M^T.
+    basis_inputs
+        u_0, u_1, u_2, shape (3, 2).
+    dt_s
+        Sampling time in s.
+    metadata
+        Where the model comes from; JSON.
+    """
+
+    dictionary: Dictionary
+    matrices: Array
+    basis_inputs: Array
+    dt_s: float
+    metadata: Mapping[str, Any]
+
+    @property
+    def robot_kind(self) -> RobotKind:
+        """Return the robot the model is of."""
+        return self.dictionary.kind
+
+    @property
+    def state_dim(self) -> int:
+        """Return the number n of states."""
+        return self.dictionary.state_dim
+
+    @cached_property
+    def _to_lambdas(self) -> Array:
+        u0, u1, u2 = self.basis_inputs
+        return np.linalg.inv(np.column_stack([u1 - u0, u2 - u0]))
+
+    def lambdas(self, u: Array) -> Array:
+        """Return the lambda (..., 2) with sum_i lambda_i (u_i - u_0) = u - u_0 of u (..., 2)."""
+        result: Array = (np.asarray(u, float) - self.basis_inputs[0]) @ self._to_lambdas.T
+        return result
+
+    def matrix(self, u: Array) -> Array:
+        """Return M_u (..., M, M) of inputs u (..., 2)."""
+        m0, m1, m2 = self.matrices
+        lambdas = self.lambdas(u)[..., None, None]
+        combined: Array = m0 + lambdas[..., 0, :, :] * (m1 - m0) + lambdas[..., 1, :, :] * (m2 - m0)
+        return combined
+
+    def step(self, x: Array, u: Array) -> Array:
+        """Return the successors (..., n) of states x (..., n): lift, propagate, reproject.
+
+        The angle is shifted to (-pi, pi] for the lift, as the paper does before it evaluates the
+        model, and shifted back afterwards, so that it stays continuous.
+        """
+        x = np.asarray(x, float)
+        states = [x[..., i] for i in range(self.state_dim)]
+        turns = _turns(states[2], np)
+        psi = self.dictionary.lift(np.stack([*states[:2], states[2] - turns, *states[3:]], axis=-1))
+        psi_next = np.einsum("...ij,...j->...i", self.matrix(u), psi)
+        x_next = self.dictionary.project(psi_next, states[2] - turns)
+        x_next[..., 2] += turns
+        return x_next
+
+    def predict(self, x0: Array, inputs: Array, *, reproject: bool = True) -> Array:
+        """Return the states (..., H + 1, n) from x0 (..., n) under inputs (..., H, 2).
+
+        Without reprojection the observables are propagated as they are, and each state is read
+        off them.
+        """
+        x, inputs = np.asarray(x0, float), np.asarray(inputs, float)
+        states, psi = [x], self.dictionary.lift(x)
+        for k in range(inputs.shape[-2]):
+            u = inputs[..., k, :]
+            if reproject:
+                x = self.step(x, u)
+            else:
+                psi = np.einsum("...ij,...j->...i", self.matrix(u), psi)
+                x = self.dictionary.project(psi, x[..., 2])
+            states.append(x)
+        return np.stack(states, axis=-2)
+
+    def casadi_step(self) -> Callable[[Any, Any], Any]:
+        """Return (x: SX (n,), u: SX (2,)) -> SX (n,), the same step as :meth:`step`."""
+        import casadi as ca
+
+        def step(x: Any, u: Any) -> Any:
+            states: Components = ca.vertsplit(x)
+            turns = _turns(states[2], ca)
+            states[2] = states[2] - turns
+            psi = ca.vertcat(*self.dictionary.observables(states, ca))
+            psi_next = ca.vertsplit(self._casadi_matrix(u) @ psi)
+            projected = self.dictionary.project_components(psi_next, states[2], ca)
+            projected[2] = projected[2] + turns
+            return ca.vertcat(*projected)
+
+        return step
+
+    def casadi_lifted_step(self) -> Callable[[Any, Any], Any]:
+        """Return (psi: SX (M,), u: SX (2,)) -> SX (M,), the propagation without reprojection."""
+        return lambda psi, u: self._casadi_matrix(u) @ psi
+
+    def _casadi_matrix(self, u: Any) -> Any:
+        import casadi as ca
+
+        m0, m1, m2 = (ca.DM(m) for m in self.matrices)
+        lambdas = ca.DM(self._to_lambdas) @ (u - ca.DM(self.basis_inputs[0]))
+        return m0 + lambdas[0] * (m1 - m0) + lambdas[1] * (m2 - m0)
+
+    def require_robot(self, kind: RobotKind) -> None:
+        """Refuse the model for another robot.
+
+        Raises
+        ------
+        ModelError
+            If the model is of another robot than ``kind``.
+        """
+        if self.robot_kind != kind:
+            raise ModelError(
+                f"the model ({self.dictionary.name}) is of the {self.robot_kind} robot, the lab is "
+                f"set up for the {kind} one; train a model from a {kind} session, or say "
+                f"--robot {self.robot_kind}"
+            )
+
+    def save(self, path: Path) -> None:
+        """Write the model as one ``.npz`` file without pickle, whole or not at all."""
+        header = {
+            "format": FORMAT,
+            "robot": self.robot_kind,
+            "dictionary": self.dictionary.name,
+            "observables": list(self.dictionary.names),
+            "dt_s": self.dt_s,
+            "metadata": dict(self.metadata),
+        }
+        text = json.dumps(header, sort_keys=True).encode()
+        with replacing(path) as file:
+            np.savez(
+                file,
+                header=np.frombuffer(text, np.uint8),
+                matrices=self.matrices,
+                basis_inputs=self.basis_inputs,
+            )
+
+    @classmethod
+    def load(cls, path: Path) -> BilinearModel:
+        """Read a model file.
+
+        Raises
+        ------
+        ModelError
+            If the file is missing, damaged, no model, or of another version.
+        """
+        try:
+            # Opened here: np.load leaves a file open that it cannot make sense of.
+            with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+                header = json.loads(bytes(file["header"]))
+                matrices, basis_inputs = file["matrices"], file["basis_inputs"]
+        except FileNotFoundError:
+            raise ModelError(f"{path}: no such model; `klab train SESSION` makes one") from None
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, AttributeError):
+            raise ModelError(
+                f"{path}: damaged, or not a model; `klab train SESSION` makes one"
+            ) from None
+        if header.get("format") != FORMAT:
+            raise ModelError(
+                f"{path}: model file of format {header.get('format')}, this version reads "
+                f"{FORMAT}; train it again from its session"
+            )
+        observables = dictionary(header["dictionary"], header["robot"])
+        size = observables.size
+        if list(observables.names) != header["observables"] or matrices.shape != (3, size, size):
+            raise ModelError(
+                f"{path}: its observables are not those of {observables.name} here; train it "
+                "again from its session"
+            )
+        return cls(observables, matrices, basis_inputs, header["dt_s"], header["metadata"])
+
+
+def _turns(theta: Any, m: Any) -> Any:
+    """Return the multiple of 2 pi to take off an angle; locally constant, so no gradient."""
+    return 2.0 * math.pi * m.floor((theta + math.pi) / (2.0 * math.pi))

@@ -1,0 +1,84 @@
+"""From a data set to a model, with a report of what the data could and could not say."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from koopman_lab.data.dataset import DataSet
+from koopman_lab.koopman.dictionary import dictionary
+from koopman_lab.koopman.excitation import Excitation, excitation
+from koopman_lab.koopman.fit import Fit, fit_matrix
+from koopman_lab.koopman.model import BilinearModel
+
+
+@dataclass(frozen=True)
+class BasisReport:
+    """What was learned for one basis input; ``None`` where the matrix follows from theory."""
+
+    basis_index: int
+    basis_input: tuple[float, float]
+    excitation: Excitation | None
+    constant_residual: float
+    residual_rms: dict[str, float]
+
+
+@dataclass(frozen=True)
+class TrainingReport:
+    """Everything ``klab train`` prints."""
+
+    robot: str
+    dictionary: str
+    dt_s: float
+    data_hash: str
+    bases: tuple[BasisReport, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the report as JSON can hold it."""
+        return asdict(self)
+
+
+def train(dataset: DataSet, dictionary_name: str) -> tuple[BilinearModel, TrainingReport]:
+    """Fit the matrices of all basis inputs.
+
+    A driftless robot at rest stays at rest, so a data set of the kinematic robot without samples
+    of u_0 has M_0 = I exactly. The result depends on nothing but the data, to the last bit.
+
+    Raises
+    ------
+    ModelError
+        If there is no such dictionary for the robot.
+    DataError
+        If the samples of a basis input do not excite the dictionary.
+    """
+    observables = dictionary(dictionary_name, dataset.robot_kind)
+    inputs = {0: np.zeros(2)} | {i: np.asarray(u, float) for i, u in dataset.basis_inputs.items()}
+    driftless = dataset.robot_kind == "kinematic" and 0 not in dataset.basis_inputs
+    matrices, reports = [], []
+    for index in sorted(inputs):
+        u = (float(inputs[index][0]), float(inputs[index][1]))
+        if index == 0 and driftless:
+            matrices.append(np.eye(observables.size))
+            reports.append(BasisReport(index, u, None, 0.0, {}))
+            continue
+        psi_x = observables.lift(dataset.X[index])
+        found = excitation(psi_x, dataset.segments[index])
+        found.require_full_rank(index, observables)
+        fit: Fit = fit_matrix(psi_x, observables.lift(dataset.Y[index]))
+        matrices.append(fit.matrix)
+        residuals = dict(zip(observables.names, fit.residual_rms.tolist(), strict=True))
+        reports.append(BasisReport(index, u, found, fit.constant_residual, residuals))
+    report = TrainingReport(
+        dataset.robot_kind, observables.name, dataset.dt_s, dataset.data_hash, tuple(reports)
+    )
+    metadata = {
+        "training": report.as_dict(),
+        "data": dict(dataset.metadata),
+        "versions": {name: version(name) for name in ("koopman-lab", "numpy", "scipy")},
+    }
+    basis_inputs = np.array([inputs[i] for i in sorted(inputs)])
+    model = BilinearModel(observables, np.array(matrices), basis_inputs, dataset.dt_s, metadata)
+    return model, report

@@ -1,0 +1,87 @@
+"""Stage costs (paper, section 3.3).
+
+A stage cost is written once for NumPy and CasADi: it only indexes its arguments and multiplies
+and adds what it finds. States and inputs come components first, so that whole trajectories of
+shape (n, K) and (2, K) give K costs at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from koopman_lab.config.schema import Controller
+from koopman_lab.errors import ConfigError
+
+
+class StageCost(Protocol):
+    """The cost of one stage; zero at the goal, which is the origin, and positive elsewhere."""
+
+    def __call__(self, x: Any, u: Any) -> Any:
+        """Return the cost of a state and an input.
+
+        Parameters
+        ----------
+        x
+            State relative to the goal, ``(x1, x2, theta)`` or ``(x1, x2, theta, v, omega)`` in m,
+            m, rad, m/s, rad/s: a NumPy array (n,) or (n, K), or a CasADi vector (n,).
+        u
+            Input, ``(v, omega)`` in m/s, rad/s or ``(a, d_omega)`` in m/s^2, rad/s^2: of the same
+            kind, (2,) or (2, K).
+        """
+
+
+@dataclass(frozen=True)
+class MixedExponents:
+    """The mixed-exponents cost ``me`` (paper, eq. costME).
+
+    The exponents follow from the sub-Riemannian geometry: x2, the direction that the wheels cannot
+    take at once, counts with its square, everything else with its fourth power.
+
+    Parameters
+    ----------
+    q
+        Weights of the states, 3 (kinematic robot) or 5 (second-order robot).
+    r
+        Weights of the inputs.
+    """
+
+    q: Sequence[float]
+    r: Sequence[float]
+
+    def __call__(self, x: Any, u: Any) -> Any:
+        """Return the cost; see :class:`StageCost`."""
+        cost = self.q[1] * _square(x[1])
+        for index, weight in enumerate(self.q):
+            if index != 1:
+                cost = cost + weight * _fourth_power(x[index])
+        for index, weight in enumerate(self.r):
+            cost = cost + weight * _fourth_power(u[index])
+        return cost
+
+
+def stage_cost(settings: Controller) -> StageCost:
+    """Return the stage cost a configuration asks for.
+
+    Raises
+    ------
+    ConfigError
+        If there are no weights for it.
+    """
+    weights = settings.weights.get(settings.cost)
+    if weights is None:
+        raise ConfigError(
+            f"controller.weights lacks the cost {settings.cost!r}; "
+            f"add controller.weights.{settings.cost} with q and r"
+        )
+    return MixedExponents(weights.q, weights.r)
+
+
+def _square(value: Any) -> Any:
+    return value * value
+
+
+def _fourth_power(value: Any) -> Any:
+    # Products, because a general power is slower and has no derivative at zero in CasADi.
+    return _square(_square(value))

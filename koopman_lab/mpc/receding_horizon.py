@@ -1,0 +1,173 @@
+"""The receding-horizon strategy of the paper (section 2.1), made to survive a failing solver.
+
+In each step the optimal control problem is solved anew and the first input is applied. The plan of
+the step before, shifted by one stage, is the initial guess, the yardstick that a new plan must not
+fall behind, and what goes on when the solver fails.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import ConfigError, ModelError
+from koopman_lab.mpc.costs import stage_cost
+from koopman_lab.mpc.prediction import PredictionModel, Rollout
+from koopman_lab.mpc.solver import BackEnd, Plan, Solver, make_solver
+
+CLEARLY_BETTER = 1e-6
+"""Relative gain by which a later start must win, so that rounding does not choose among equals."""
+
+START_EFFORT = 0.25
+"""Share of the largest inputs in the first guesses."""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What one step decided.
+
+    Attributes
+    ----------
+    u
+        Input to apply now, (2,).
+    plan
+        The plan that ``u`` begins.
+    solved
+        Whether the solver found a plan in this step, used or not.
+    iterations
+        Of the solver in this step, over all starts.
+    failures_in_a_row
+        Steps without a solution up to now, 0 after a success.
+    """
+
+    u: NDArray[np.float64]
+    plan: Plan
+    solved: bool
+    iterations: int
+    failures_in_a_row: int
+
+
+class RecedingHorizon:
+    """Optimises step by step.
+
+    Parameters
+    ----------
+    solver
+        Solves the optimal control problem.
+    rollout
+        Of the prediction model under the same cost and horizon.
+    u_max
+        Largest magnitude of either input.
+    dt_s
+        Sampling time in s.
+    """
+
+    def __init__(
+        self, solver: Solver, rollout: Rollout, u_max: Sequence[float], dt_s: float
+    ) -> None:
+        self._solver = solver
+        self._rollout = rollout
+        self._u_max = np.asarray(u_max, dtype=float)
+        self._dt_s = dt_s
+        self._accelerates = rollout.state_dim == 5
+        self._plan: Plan | None = None
+        self._failures = 0
+
+    def step(self, x: NDArray[np.float64]) -> Decision:
+        """Return the input for the measured state ``x`` (n,), relative to the goal.
+
+        States of successive calls are one sampling time apart.
+        """
+        fallback, guesses = self._before(x)
+        found = [self._solver.solve(x, guess) for guess in guesses]
+        usable = [plan for plan in found if plan.ok and np.isfinite(plan.value)]
+        self._failures = 0 if usable else self._failures + 1
+        chosen = fallback
+        for plan in usable:
+            # A continued plan must only not be fallen behind; among first starts ties are common
+            # (a parallel parking manoeuvre has a mirror image) and must not hang on rounding.
+            limit = fallback.value if chosen is fallback else chosen.value * (1 - CLEARLY_BETTER)
+            if plan.value <= limit:
+                chosen = plan
+        if usable or self._plan is not None:
+            self._plan = chosen
+        iterations = sum(plan.iterations for plan in found)
+        return Decision(chosen.inputs[0], chosen, bool(usable), iterations, self._failures)
+
+    def _before(self, x: NDArray[np.float64]) -> tuple[Plan, list[NDArray[np.float64]]]:
+        """Return the plan to go on with if nothing better is found, and the initial guesses."""
+        if self._plan is None:
+            return self._as_plan(x, self._braking(x)), self._first_guesses()
+        # What follows the end of the old plan: rest, which braking brings about.
+        appended = self._braking(self._plan.states[-1])[:1]
+        inputs = np.vstack([self._plan.inputs[1:], appended])
+        return self._as_plan(x, inputs), [inputs]
+
+    def _as_plan(self, x: NDArray[np.float64], inputs: NDArray[np.float64]) -> Plan:
+        states, value = self._rollout(x, inputs)
+        return Plan(inputs, states, value, 0, False, "not from the solver")
+
+    def _braking(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return inputs (H, 2) that bring the robot to rest as fast as the bounds allow."""
+        inputs = np.zeros((self._rollout.horizon, 2))
+        if self._accelerates:
+            speeds = x[3:]
+            for u in inputs:
+                u[:] = np.clip(-speeds / self._dt_s, -self._u_max, self._u_max)
+                speeds = speeds + self._dt_s * u
+        return inputs
+
+    def _first_guesses(self) -> list[NDArray[np.float64]]:
+        """Return inputs (H, 2): forward and backward, each turning left and right.
+
+        No input at all is a stationary point of parallel parking, where a solver stays.
+        """
+        course = np.full(self._rollout.horizon, START_EFFORT)
+        if self._accelerates:
+            # Speed up for half the horizon and slow down again.
+            course[(self._rollout.horizon + 1) // 2 :] *= -1.0
+        signs = ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
+        return [np.outer(course, self._u_max * sign) for sign in signs]
+
+    def advance(self, x: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the state (n,) that the model predicts one sampling time after ``x``."""
+        return self._rollout.advance(x, u)
+
+
+def receding_horizon(
+    model: PredictionModel, config: LabConfig, back_end: BackEnd = "fatrop"
+) -> RecedingHorizon:
+    """Return the optimiser that a configuration asks for.
+
+    Raises
+    ------
+    ModelError
+        If the model is of another robot or another sampling time than the configuration.
+    ConfigError
+        If the configuration asks for what this optimiser does not do.
+    """
+    settings = config.controller
+    if not settings.reprojection:
+        raise ConfigError(
+            "controller.reprojection is false, but predictions are reprojected in each step; "
+            "set it to true"
+        )
+    if model.robot_kind != config.robot.kind:
+        raise ModelError(
+            f"the prediction model is of the {model.robot_kind} robot, but robot.kind is "
+            f"{config.robot.kind}; train a model for it or choose the other robot"
+        )
+    if abs(model.dt_s - settings.dt_s) > 1e-9:
+        raise ModelError(
+            f"the prediction model has a sampling time of {model.dt_s} s, but controller.dt_s is "
+            f"{settings.dt_s}; train with --dt {settings.dt_s} or set controller.dt_s"
+        )
+    cost = stage_cost(settings)
+    solver = make_solver(model, cost, settings.horizon, settings.u_max, back_end)
+    return RecedingHorizon(
+        solver, Rollout(model, cost, settings.horizon), settings.u_max, settings.dt_s
+    )

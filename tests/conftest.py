@@ -1,0 +1,21 @@
+"""Each test process gets an LCM bus of its own, set before anything opens one."""
+
+import os
+import zlib
+
+# One thread for linear algebra: the tests run side by side on few cores.
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+_RUN = os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid()))
+_WORKER = os.environ.get("PYTEST_XDIST_WORKER", "main")
+_PORT = 20_000 + zlib.crc32(f"{_RUN} {_WORKER}".encode()) % 10_000
+os.environ["LCM_DEFAULT_URL"] = f"udpm://239.255.76.67:{_PORT}?ttl=0"
+
+import pytest  # noqa: E402
+
+
+@pytest.fixture
+def bus_url() -> str:
+    """Return the LCM URL of this test process."""
+    return os.environ["LCM_DEFAULT_URL"]

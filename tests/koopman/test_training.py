@@ -1,0 +1,146 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from ideal_data import ideal_dataset
+from scipy.linalg import expm
+
+from koopman_lab.errors import DataError, ModelError
+from koopman_lab.koopman.fit import fit_matrix
+from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.koopman.train import train
+from koopman_lab.robot.models import nominal_model
+
+
+def d5t_generator(v, omega):
+    """Return d psi/dt = L psi of (1, x1, x2, cos, sin) for constant v and omega."""
+    L = np.zeros((5, 5))
+    L[1, 3] = L[2, 4] = v
+    L[3, 4], L[4, 3] = -omega, omega
+    return L
+
+
+def test_d5t_on_ideal_data_is_the_matrix_exponential():
+    model, report = train(ideal_dataset("kinematic"), "D5t")
+    assert np.array_equal(model.matrices[0], np.eye(5))
+    for matrix, (v, omega) in zip(model.matrices[1:], [(0.2, -0.4), (0.2, 0.6)], strict=True):
+        assert matrix == pytest.approx(expm(0.05 * d5t_generator(v, omega)), abs=1e-12)
+    assert max(b.constant_residual for b in report.bases) < 1e-12
+
+
+@pytest.mark.parametrize("name", ["D8Eul", "D13t", "D12f"])
+def test_one_step_errors_stay_below_the_term_that_the_dictionary_lacks(name):
+    """The observables carry the first order in dt; the second is v omega dt^2 / 2."""
+    dataset = ideal_dataset("dynamic", segments=40)
+    model, _ = train(dataset, name)
+    for index, u in dataset.basis_inputs.items():
+        X, Y = dataset.X[index], dataset.Y[index]
+        error = np.abs(model.step(X, u) - Y).max(axis=0)
+        v, omega = np.abs(X[:, 3]).max(), np.abs(X[:, 4]).max()
+        assert error[:2].max() < v * omega * 0.05**2 / 2
+        assert error[2] < omega**2 * 0.05**2 / 2
+        assert error[3:].max() < 1e-10
+
+
+def test_what_is_linear_in_the_observables_is_learned_exactly():
+    """theta, v and omega of D8Eul move by exact affine rules."""
+    model, _ = train(ideal_dataset("dynamic", segments=40), "D8Eul")
+    u = np.array([0.31, -0.7])
+    M = model.matrix(u)
+    assert M[4] == pytest.approx([0.05 * u[0], 0, 0, 0, 1, 0, 0, 0], abs=1e-10)
+    assert M[5] == pytest.approx([0.05 * u[1], 0, 0, 0, 0, 1, 0, 0], abs=1e-10)
+    assert M[3] == pytest.approx([0.05**2 * u[1] / 2, 0, 0, 1, 0, 0.05, 0, 0], abs=1e-10)
+
+
+def test_least_squares_is_that_of_the_normal_equations_where_those_are_harmless():
+    rng = np.random.default_rng(0)
+    x = np.column_stack([np.ones(200), rng.normal(size=(200, 4))])
+    y = np.column_stack([np.ones(200), rng.normal(size=(200, 4))])
+    K = np.linalg.solve(x.T @ x, x.T @ y)
+    assert fit_matrix(x, y).matrix == pytest.approx(K.T, abs=1e-12)
+
+
+def test_basis_inputs_give_their_own_matrices_and_lambdas_add_up():
+    dataset = ideal_dataset("dynamic", segments=40)
+    model, _ = train(dataset, "D8Eul")
+    shifted = dataclasses.replace(model, basis_inputs=model.basis_inputs + np.array([0.1, -0.3]))
+    for m in (model, shifted):
+        for matrix, u in zip(m.matrices, m.basis_inputs, strict=True):
+            assert m.matrix(u) == pytest.approx(matrix, abs=1e-12)
+        u = np.array([0.4, -1.1])
+        u0, u1, u2 = m.basis_inputs
+        lambdas = m.lambdas(u)
+        assert lambdas[0] * (u1 - u0) + lambdas[1] * (u2 - u0) + u0 == pytest.approx(u)
+
+
+@pytest.mark.parametrize(("kind", "name"), [("kinematic", "D5t"), ("dynamic", "D8Eul")])
+def test_prediction_over_a_second_and_symbols(kind, name):
+    import casadi as ca
+
+    model, _ = train(ideal_dataset(kind, segments=40), name)
+    rng = np.random.default_rng(1)
+    inputs = rng.uniform(-0.3, 0.3, (20, 2))
+    x0 = np.array([0.4, 0.1, 3.0, 0.2, 0.5])[: model.state_dim]
+    path, nominal = model.predict(x0, inputs), [x0]
+    for u in inputs:
+        nominal.append(nominal_model(kind).step(nominal[-1], u, 0.05))
+    assert np.abs(path - nominal).max() < 0.02
+    x, u = ca.SX.sym("x", model.state_dim), ca.SX.sym("u", 2)
+    step = ca.Function("step", [x, u], [model.casadi_step()(x, u)])
+    for before, value, after in zip(path[:-1], inputs, path[1:], strict=True):
+        assert np.array(step(before, value)).ravel() == pytest.approx(after, abs=1e-12)
+
+
+def test_without_reprojection_the_observables_are_propagated():
+    model, _ = train(ideal_dataset("dynamic", segments=40), "D13t")
+    inputs = np.full((20, 2), 0.1)
+    x0 = np.array([0.4, 0.1, 0.3, 0.2, 0.5])
+    psi = model.dictionary.lift(x0)
+    for u in inputs:
+        psi = model.matrix(u) @ psi
+    end = model.predict(x0, inputs, reproject=False)[-1]
+    assert end[[0, 1, 3, 4]] == pytest.approx(psi[[1, 2, 5, 6]], abs=1e-12)
+
+
+def test_one_constant_input_run_is_refused_with_the_remedy():
+    with pytest.raises(DataError, match=r"span only 3 of the 5 .*--segments"):
+        train(ideal_dataset("kinematic", segments=1), "D5t")
+    with pytest.raises(DataError, match="span only"):
+        train(ideal_dataset("dynamic", segments=2, noise=1e-4), "D8Eul")
+    empty = ideal_dataset("kinematic")
+    empty.X[2], empty.Y[2] = empty.X[2][:0], empty.Y[2][:0]
+    empty.segments[2] = empty.segments[2][:0]
+    with pytest.raises(DataError, match="basis input 2: no samples"):
+        train(empty, "D5t")
+
+
+def test_a_model_file_keeps_every_bit_and_the_same_data_give_the_same_file(tmp_path):
+    dataset = ideal_dataset("dynamic", noise=1e-3)
+    model, report = train(dataset, "D8Eul")
+    model.save(tmp_path / "a.npz")
+    train(ideal_dataset("dynamic", noise=1e-3), "D8Eul")[0].save(tmp_path / "b.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    back = BilinearModel.load(tmp_path / "a.npz")
+    assert np.array_equal(back.matrices, model.matrices)
+    assert np.array_equal(back.basis_inputs, model.basis_inputs)
+    assert (back.dt_s, back.dictionary.name) == (0.05, "D8Eul")
+    assert back.metadata["training"]["data_hash"] == report.data_hash
+    assert {p.name for p in tmp_path.iterdir()} == {"a.npz", "b.npz"}
+
+
+def test_files_that_are_no_model_and_models_of_the_other_robot(tmp_path):
+    with pytest.raises(ModelError, match="no such model"):
+        BilinearModel.load(tmp_path / "none.npz")
+    model, _ = train(ideal_dataset("kinematic"), "D5t")
+    path = tmp_path / "model.npz"
+    model.save(path)
+    whole = path.read_bytes()
+    for content in (b"", b"text", whole[:100], whole[: len(whole) // 2]):
+        path.write_bytes(content)
+        with pytest.raises(ModelError, match="damaged, or not a model"):
+            BilinearModel.load(path)
+    np.savez(path, other=np.ones(3))
+    with pytest.raises(ModelError, match="damaged, or not a model"):
+        BilinearModel.load(path)
+    with pytest.raises(ModelError, match="--robot kinematic"):
+        model.require_robot("dynamic")
