@@ -11,7 +11,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from types import FrameType
-from typing import Any
+from typing import Any, NamedTuple
 
 import lcm
 
@@ -139,7 +139,15 @@ class StopSignals:
             os.write(self._write, b"\0")
 
 
-def run_node(node: Node, config: LabConfig, *, lifeline_fd: int | None = None) -> None:
+class RunStatistics(NamedTuple):
+    """How a node's run in real time went."""
+
+    ticks: int
+    missed_ticks: int
+    lost_messages: int
+
+
+def run_node(node: Node, config: LabConfig, *, lifeline_fd: int | None = None) -> RunStatistics:
     """Run one node until SIGINT, SIGTERM, its own finish, or the end of the lifeline.
 
     Parameters
@@ -149,6 +157,10 @@ def run_node(node: Node, config: LabConfig, *, lifeline_fd: int | None = None) -
     lifeline_fd
         Read end of a pipe whose write end the supervisor holds and never writes to. When the
         supervisor dies, even by SIGKILL, the pipe ends and so does this node.
+
+    Returns
+    -------
+    What the heartbeats said at the end.
 
     Raises
     ------
@@ -164,6 +176,7 @@ def run_node(node: Node, config: LabConfig, *, lifeline_fd: int | None = None) -
             _loop(port, stop, lifeline_fd)
         finally:
             node.close()
+    return RunStatistics(*port.ticks(), sum(port.lost_messages().values()))
 
 
 def _loop(port: RealtimePort, stop: StopSignals, lifeline_fd: int | None) -> None:

@@ -47,6 +47,7 @@ def load_config(
     *,
     robot: RobotKind | None = None,
     preset: Preset = "lab",
+    bus_url: str | None = None,
     overrides: Sequence[str] = (),
 ) -> LabConfig:
     """Return the configuration of a lab.
@@ -59,6 +60,8 @@ def load_config(
         The robot's kind; the file may say it instead (``robot.kind``).
     preset
         Which plant stands in for hardware.
+    bus_url
+        In place of the default ``bus.url``; the file and the overrides stand above it.
     overrides
         ``section.key=value`` with a YAML value each, for example ``controller.horizon=40``.
 
@@ -70,6 +73,7 @@ def load_config(
     """
     user = [read_layer(file)] if file else []
     user += [_override(text) for text in overrides]
+    values: dict[str, Any]
     said = _robot_kind(user)
     if robot and said and robot != said:
         where = _locate(("robot", "kind"), user)
@@ -78,8 +82,11 @@ def load_config(
     layers = [_default("base"), _default(kind)]
     if preset == "ideal":
         layers += [_default("ideal"), _default(f"ideal_{kind}")]
+    if bus_url:
+        values = {"bus": {"url": bus_url}}
+        layers.append(Layer("LCM_DEFAULT_URL", values, {("bus",): 0, ("bus", "url"): 0}))
     layers += user
-    values: dict[str, Any] = {}
+    values = {}
     for layer in layers:
         values = merge(values, layer.values)
     try:

@@ -104,13 +104,13 @@ class DataSet:
             "metadata": dict(self.metadata),
         }
         text = json.dumps(header, sort_keys=True).encode()
-        arrays = {
+        arrays: dict[str, Any] = {
             f"{name}_{index}": array
             for name, table in self._tables()
             for index, array in sorted(table.items())
         }
         with replacing(path) as file:
-            np.savez(file, allow_pickle=False, header=np.frombuffer(text, np.uint8), **arrays)
+            np.savez(file, header=np.frombuffer(text, np.uint8), **arrays)
 
     @classmethod
     def load(cls, path: Path) -> DataSet:
@@ -122,7 +122,8 @@ class DataSet:
             If the file is missing, damaged, no data set, or of another version.
         """
         try:
-            with np.load(path, allow_pickle=False) as file:
+            # Opened here because numpy leaves a damaged archive open.
+            with path.open("rb") as archive, np.load(archive, allow_pickle=False) as file:
                 header = json.loads(bytes(file["header"]))
                 if header["format"] != FORMAT:
                     raise DataError(

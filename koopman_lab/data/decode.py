@@ -18,7 +18,7 @@ from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.eventlog import Damage, load_log, scan
 from koopman_lab.data.wire import StructuredArray, decode_all, decode_each
-from koopman_lab.errors import BusError, LogError
+from koopman_lab.errors import BusError, ConfigError, LogError
 from koopman_lab.units import US_PER_S
 
 LOG_NAME = "session.lcm"
@@ -176,7 +176,13 @@ class SessionLog:
                 f"{self.path}: {name} says {len(texts)} different configurations; "
                 "record one session to a log, or give the configuration"
             )
-        return parse_config(next(iter(texts)), f"{self.path}, {name}")
+        try:
+            return parse_config(next(iter(texts)), name)
+        except ConfigError as error:
+            raise ConfigError(
+                f"{self.path}: its configuration is none of this version; give the configuration "
+                f"of the session\n{error}"
+            ) from None
 
     def _decode(self, channel: Channel[Any], decode: Callable[[Any, Sequence[bytes]], Any]) -> Any:
         name = channel.name(self.robot_name)

@@ -1,0 +1,64 @@
+"""Path of a parking run, and its value function over the same marks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from koopman_lab.files import replacing
+
+MARKS = 12
+"""Evenly spaced in time, the same in both plots, as in the paper's figures."""
+ARROW_M = 0.05
+
+
+def draw_path(
+    stem: Path,
+    time_s: NDArray[np.float64],
+    poses: NDArray[np.float64],
+    value: NDArray[np.float64],
+) -> None:
+    """Write ``stem.pdf`` and ``stem.png``.
+
+    Parameters
+    ----------
+    stem
+        Path without ending.
+    time_s
+        Time of each step (N,).
+    poses
+        Relative to the goal (N, 3): m, m, rad.
+    value
+        Value function of each step (N,).
+    """
+    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    plane, values = figure.subplots(1, 2)
+    marked = np.unique(np.linspace(0, len(time_s) - 1, MARKS).round().astype(int))
+    plane.plot(poses[:, 0], poses[:, 1], color="tab:blue")
+    plane.quiver(
+        poses[marked, 0],
+        poses[marked, 1],
+        ARROW_M * np.cos(poses[marked, 2]),
+        ARROW_M * np.sin(poses[marked, 2]),
+        angles="xy",
+        scale_units="xy",
+        scale=1.0,
+        color="tab:blue",
+        width=0.006,
+    )
+    plane.plot(0.0, 0.0, "x", color="tab:red", markersize=10, markeredgewidth=2)
+    plane.set(xlabel="$x_1$ (m)", ylabel="$x_2$ (m)", title="path, goal at the cross")
+    plane.set_aspect("equal", adjustable="datalim")
+    plane.grid(visible=True)
+    values.semilogy(time_s, np.maximum(value, np.finfo(float).tiny), color="tab:blue")
+    values.semilogy(time_s[marked], value[marked], "o", color="tab:blue", markersize=4)
+    values.set(xlabel="time (s)", ylabel="value function", title="optimal cost")
+    values.grid(visible=True)
+    for ending in ("pdf", "png"):
+        with replacing(stem.with_suffix(f".{ending}")) as file:
+            figure.savefig(file, format=ending, dpi=150)

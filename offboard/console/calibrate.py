@@ -1,0 +1,142 @@
+"""`klab calibrate`: a sampling session from start to summary."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any
+
+import typer
+
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import LabError
+from offboard.console import options
+from offboard.console.folder import RunFolder, new_folder
+from offboard.console.terminal import err, progress
+
+LOCKSTEP_LIMIT_S = 100_000.0
+"""Virtual time after which a session that never ends is given up."""
+
+
+def calibrate(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    segments: Annotated[
+        int | None, typer.Option("--segments", min=1, help="Segments per basis input.")
+    ] = None,
+    lockstep: options.InLockstep = False,
+    preset: options.Preset = options.PresetName.lab,
+    seed: options.Seed = None,
+    url: options.Url = None,
+    out: options.Out = None,
+) -> None:
+    """Record a calibration session: DIR/session.lcm, DIR/config.yaml, DIR/summary.json.
+
+    In real time plant and onboard loop are started too, unless they run already.
+
+    Example: klab calibrate --robot kinematic --lockstep --seed 1 --out runs/calibration
+    """
+    wanted = list(overrides or ())
+    if segments is not None:
+        wanted.append(f"sampler.segments_per_basis={segments}")
+    lab = options.resolve(config, wanted, options.kind_of(robot), preset, seed, url)
+    folder = new_folder(out, "calibration", lab)
+    summary = record(lab, folder, lockstep=lockstep)
+    show(folder, summary)
+    if not summary["complete"]:
+        raise typer.Exit(1)
+
+
+def record(config: LabConfig, folder: RunFolder, *, lockstep: bool) -> dict[str, Any]:
+    """Run the session and return its summary; a session that is interrupted keeps its log.
+
+    Raises
+    ------
+    LabError
+        If the session cannot be run.
+    """
+    try:
+        facts = _in_lockstep(config, folder) if lockstep else _in_real_time(config, folder)
+    except KeyboardInterrupt:
+        if folder.log.exists():
+            err.print(f"interrupted; what was recorded is in {folder.log}")
+        raise typer.Exit(130) from None
+    facts |= _data(folder, complete=facts["complete"])
+    summary = {"what": "calibrate", "lockstep": lockstep} | facts
+    folder.write_summary(config, summary)
+    return summary
+
+
+def show(folder: RunFolder, summary: dict[str, Any]) -> None:
+    """Print what a session brought."""
+    samples = ", ".join(f"u_{i}: {n}" for i, n in summary["samples"].items())
+    err.print(
+        f"{summary['segments']} of {summary['segments_wanted']} segments in "
+        f"{summary['duration_s']:.1f} s, samples {samples or 'none'}, "
+        f"{summary['messages_lost']} messages lost: {folder.path}"
+    )
+
+
+def _in_lockstep(config: LabConfig, folder: RunFolder) -> dict[str, Any]:
+    from offboard.console.nodes import lockstep_lab
+    from offboard.sampler.node import SamplerNode
+
+    node = SamplerNode(config)
+    lab = lockstep_lab(config, folder, node)
+    try:
+        with progress("calibrating") as report:
+            lab.run(
+                LOCKSTEP_LIMIT_S,
+                on_progress=lambda now_s: report(
+                    node.sampler.done, node.sampler.total, f"{now_s:.0f} s of virtual time"
+                ),
+            )
+            report(node.sampler.done, node.sampler.total, "")
+    finally:
+        lab.close()
+    return node.summary() | {"missed_deadlines": 0}
+
+
+def _in_real_time(config: LabConfig, folder: RunFolder) -> dict[str, Any]:
+    import lcmtypes
+    from koopman_lab.bus.channels import SAMPLER_STATE
+    from koopman_lab.bus.realtime import Listener
+    from offboard.console.supervisor import start_lab, supervised
+
+    result = folder.path / "processes" / "sampler.json"
+    listener = Listener(config)
+    with supervised(config, folder, listener) as lab, progress("calibrating") as report:
+
+        def show_state(state: lcmtypes.sampler_state_t) -> None:
+            report(state.segments_done, state.segments_total, f"{state.samples} frames")
+
+        listener.subscribe(SAMPLER_STATE, show_state)
+        started = ["plant", "onboard"] if start_lab(lab, lab.present()) else []
+        lab.start("logger", "--folder", folder.path)
+        lab.wait_ready(*started, "logger")
+        lab.start("sampler", "--result", result)
+        while not lab.ended("sampler"):
+            listener.spin(0.2)
+            lab.check()
+        lab.check()
+    facts: dict[str, Any] = json.loads(result.read_text())
+    result.unlink()
+    return facts
+
+
+def _data(folder: RunFolder, *, complete: bool) -> dict[str, Any]:
+    from koopman_lab.data.dataset import DataSet
+    from koopman_lab.data.decode import SessionLog
+
+    log = SessionLog(folder.log)
+    try:
+        samples = {str(i): len(x) for i, x in DataSet.from_log(log).X.items()}
+    except LabError:
+        if complete:
+            raise
+        samples = {}
+    return {
+        "duration_s": log.duration_s,
+        "samples": samples,
+        "messages_lost": sum(c.lost for c in log.channels.values()),
+    }

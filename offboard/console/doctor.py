@@ -1,0 +1,147 @@
+"""`klab doctor`: what this machine can do, and how to mend what it cannot."""
+
+from __future__ import annotations
+
+import platform
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import BusError
+from offboard.console import options
+from offboard.console.terminal import out
+
+RMEM_MAX = Path("/proc/sys/net/core/rmem_max")
+TRIES = 40
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One look at the machine; ``remedy`` is empty where nothing is to be mended."""
+
+    what: str
+    found: str
+    good: bool
+    needed: bool = True
+    remedy: str = ""
+
+
+def doctor(
+    bus_only: Annotated[
+        bool, typer.Option("--bus-only", help="Look at the bus only, and be silent if it works.")
+    ] = False,
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    url: options.Url = None,
+) -> None:
+    """Look at Python, LCM, the bus, the compiler and the generated types.
+
+    Example: klab doctor
+    """
+    lab = options.resolve(config, overrides, None, url=url)
+    checks: list[Callable[[LabConfig], Iterator[Finding]]] = [_bus, _receive_buffer]
+    if not bus_only:
+        checks = [_python, _packages, _types, *checks, _compiler]
+    findings = [finding for check in checks for finding in check(lab)]
+    bad = [f for f in findings if not f.good and f.needed]
+    for finding in findings:
+        if bus_only and finding not in bad:
+            continue
+        word = "ok" if finding.good else ("MISSING" if finding.needed else "missing, not needed")
+        out.print(f"{finding.what}: {word} ({finding.found})")
+        if finding.remedy and not finding.good:
+            out.print(f"    {finding.remedy}")
+    if bad:
+        raise typer.Exit(2)
+
+
+def _python(lab: LabConfig) -> Iterator[Finding]:
+    del lab
+    good = sys.version_info >= (3, 10)
+    yield Finding("Python", platform.python_version(), good, remedy="install Python 3.10 or newer")
+
+
+def _packages(lab: LabConfig) -> Iterator[Finding]:
+    del lab
+    found = version("lcm")
+    yield Finding("lcm", found, found == "1.5.3", remedy="pip install lcm==1.5.3")
+    import casadi
+
+    solvers = [name for name in ("fatrop", "ipopt") if casadi.has_nlpsol(name)]
+    yield Finding(
+        "CasADi solvers",
+        f"casadi {version('casadi')}: {', '.join(solvers) or 'none'}",
+        "fatrop" in solvers,
+        remedy="pip install 'casadi>=3.8,<3.9'",
+    )
+
+
+def _types(lab: LabConfig) -> Iterator[Finding]:
+    del lab
+    import lcmtypes
+    from koopman_lab.bus.channels import CHANNELS
+
+    sources = sorted((Path(__file__).parents[2] / "lcmtypes").glob("*.lcm"))
+    missing = [s.stem for s in sources if not hasattr(lcmtypes, s.stem)]
+    types = {c.type for c in CHANNELS}
+    fingerprints = {t._get_packed_fingerprint() for t in types}
+    yield Finding(
+        "LCM types",
+        f"{len(types)} types, missing: {', '.join(missing) or 'none'}",
+        not missing and len(fingerprints) == len(types),
+        remedy="install again: pip install -e '.[dev]'",
+    )
+
+
+def _bus(lab: LabConfig) -> Iterator[Finding]:
+    import lcmtypes
+    from koopman_lab.bus.channels import ESTOP
+    from koopman_lab.bus.realtime import Listener
+
+    name = lab.robot.model_copy(update={"name": "DOCTOR"})
+    own = lab.model_copy(update={"robot": name})
+    try:
+        speaker, listener = Listener(own), Listener(own)
+    except BusError as error:
+        yield Finding("multicast", "LCM cannot be opened", good=False, remedy=str(error))
+        return
+    heard: list[lcmtypes.estop_t] = []
+    listener.subscribe(ESTOP, heard.append)
+    for _ in range(TRIES):
+        speaker.publish(ESTOP, lcmtypes.estop_t())
+        listener.spin(0.05)
+        if heard:
+            break
+    yield Finding(
+        "multicast",
+        f"{lab.bus.url}, {'a message came back' if heard else 'nothing sent comes back'}",
+        bool(heard),
+        remedy="sudo ip link set lo multicast on && sudo ip route add 224.0.0.0/4 dev lo; "
+        "a firewall may drop UDP as well",
+    )
+
+
+def _receive_buffer(lab: LabConfig) -> Iterator[Finding]:
+    wanted = lab.bus.receive_buffer_bytes
+    granted = int(RMEM_MAX.read_text()) if RMEM_MAX.exists() else None
+    found = "unknown here" if granted is None else f"{granted} bytes granted, {wanted} wanted"
+    yield Finding(
+        "receive buffer",
+        found,
+        granted is None or granted >= wanted,
+        needed=False,
+        remedy=f"bursts may be lost; sudo sysctl -w net.core.rmem_max={wanted}",
+    )
+
+
+def _compiler(lab: LabConfig) -> Iterator[Finding]:
+    del lab
+    found = next((c for c in ("cc", "gcc", "clang") if shutil.which(c)), None)
+    yield Finding("C compiler", found or "none", found is not None, needed=False)

@@ -1,0 +1,88 @@
+"""Run folders: where a run's files are, and what every run leaves."""
+
+from __future__ import annotations
+
+import subprocess
+import time
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from koopman_lab.config.load import dump_config
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.data.decode import LOG_NAME
+from koopman_lab.errors import LabStateError
+from koopman_lab.files import write_json, write_text
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """Paths inside one run folder."""
+
+    path: Path
+
+    @property
+    def log(self) -> Path:
+        """Return where the session log is."""
+        return self.path / LOG_NAME
+
+    @property
+    def config(self) -> Path:
+        """Return where the configuration is."""
+        return self.path / "config.yaml"
+
+    @property
+    def summary(self) -> Path:
+        """Return where the summary is."""
+        return self.path / "summary.json"
+
+    def process_log(self, name: str) -> Path:
+        """Return where a process writes what it has to say."""
+        return self.path / "processes" / f"{name}.log"
+
+    def write_summary(self, config: LabConfig, facts: dict[str, Any]) -> None:
+        """Write ``summary.json``: the facts, and what the run was made with."""
+        made_with = {
+            "robot": config.robot.kind,
+            "seed": config.seed,
+            "version": version("koopman-lab"),
+            "revision": _revision(),
+        }
+        write_json(self.summary, facts | made_with)
+
+
+def new_folder(out: Path | None, what: str, config: LabConfig) -> RunFolder:
+    """Make a run folder and write the configuration into it.
+
+    Raises
+    ------
+    LabStateError
+        If the folder holds a run already, or cannot be made.
+    """
+    stamp = time.strftime("%Y%m%d-%H%M%S")
+    folder = RunFolder(out if out is not None else Path("runs") / f"{stamp}-{what}")
+    if folder.log.exists() or folder.summary.exists():
+        raise LabStateError(f"{folder.path}: holds a run already; choose another folder with --out")
+    try:
+        write_text(folder.config, dump_config(config))
+    except OSError as error:
+        raise LabStateError(
+            f"{folder.path}: cannot be written ({error.strerror}); choose another folder with --out"
+        ) from None
+    return folder
+
+
+def _revision() -> str | None:
+    """Return the git revision of the source tree, None where there is none."""
+    try:
+        found = subprocess.run(
+            ["git", "describe", "--always", "--dirty"],
+            cwd=Path(__file__).parent,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    except FileNotFoundError:
+        return None
+    return found.stdout.strip() or None

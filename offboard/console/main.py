@@ -1,0 +1,47 @@
+"""The ``klab`` command."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from koopman_lab.errors import LabError
+from offboard.console import log, run
+from offboard.console.calibrate import calibrate
+from offboard.console.demo import demo
+from offboard.console.doctor import doctor
+from offboard.console.park import park
+from offboard.console.terminal import err
+from offboard.console.train import train
+from offboard.console.up import up
+
+EXPECTED_MISTAKE = 2
+INTERRUPTED = 130
+
+app = typer.Typer(
+    help="Calibrate a differential-drive robot, learn its Koopman model, park it.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for command in (demo, up, calibrate, train, park, doctor):
+    app.command()(command)
+app.add_typer(run.app, name="run")
+app.add_typer(log.app, name="log")
+
+
+def main() -> None:
+    """Run the command; an expected mistake is one message and exit code 2."""
+    try:
+        app()
+    except LabError as error:
+        err.print(f"klab: {error}", markup=False)
+        sys.exit(EXPECTED_MISTAKE)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,34 @@
+"""Builds nodes; the only place of the desk that knows the robot's side."""
+
+from __future__ import annotations
+
+from koopman_lab.bus.lockstep import Lockstep
+from koopman_lab.bus.node import Node
+from koopman_lab.config.schema import LabConfig
+from offboard.console.folder import RunFolder
+from offboard.logger.node import LoggerNode
+from onboard.motor_loop.node import OnboardNode
+from onboard.plant.node import PlantNode
+
+
+def plant(config: LabConfig) -> Node:
+    """Return what stands in for hardware."""
+    return PlantNode(config)
+
+
+def onboard(config: LabConfig) -> Node:
+    """Return the motor loop."""
+    return OnboardNode(config)
+
+
+def logger(config: LabConfig, folder: RunFolder) -> Node:
+    """Return the logger of a run folder."""
+    return LoggerNode(config, folder.log)
+
+
+def lockstep_lab(config: LabConfig, folder: RunFolder, commander: Node) -> Lockstep:
+    """Return the whole lab on virtual time, with ``commander`` driving the robot."""
+    lab = Lockstep(config)
+    for node in (plant(config), onboard(config), logger(config, folder), commander):
+        lab.add(node)
+    return lab

@@ -1,0 +1,99 @@
+"""Options that several commands share, and what they make together: a configuration."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from koopman_lab.config.load import load_config
+from koopman_lab.config.schema import LabConfig, RobotKind
+from koopman_lab.geometry import Pose, wrap_angle
+
+
+class RobotName(str, Enum):
+    """Choices of ``--robot``."""
+
+    kinematic = "kinematic"
+    dynamic = "dynamic"
+
+
+class PresetName(str, Enum):
+    """Choices of ``--preset``."""
+
+    lab = "lab"
+    ideal = "ideal"
+
+
+ConfigFile = Annotated[
+    Path | None,
+    typer.Option("--config", metavar="FILE", help="YAML file with any part of the configuration."),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Override one key, e.g. controller.horizon=40."
+    ),
+]
+Robot = Annotated[
+    RobotName | None,
+    typer.Option("--robot", help="Which robot (kinematic, unless --config says it)."),
+]
+Preset = Annotated[PresetName, typer.Option("--preset", help="Which plant stands in for hardware.")]
+Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of draws and noise.")]
+Url = Annotated[
+    str | None, typer.Option("--url", help="LCM bus; default: LCM_DEFAULT_URL, then bus.url.")
+]
+Out = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Run folder; default runs/<stamp>-<what>."),
+]
+InLockstep = Annotated[
+    bool, typer.Option("--lockstep", help="All in one process on virtual time, as fast as it goes.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
+
+
+def resolve(
+    config: Path | None,
+    overrides: Sequence[str] | None,
+    robot: RobotKind | None,
+    preset: PresetName = PresetName.lab,
+    seed: int | None = None,
+    url: str | None = None,
+) -> LabConfig:
+    """Return the configuration that a command's options ask for.
+
+    Raises
+    ------
+    ConfigError
+        If it is not valid.
+    """
+    wanted = list(overrides or ())
+    if seed is not None:
+        wanted.append(f"seed={seed}")
+    if url is not None:
+        wanted.append(f"bus.url={url}")
+    return load_config(
+        config,
+        robot=robot,
+        preset=preset.value,
+        bus_url=os.environ.get("LCM_DEFAULT_URL"),
+        overrides=wanted,
+    )
+
+
+def kind_of(robot: RobotName | None) -> RobotKind | None:
+    """Return the robot's kind that ``--robot`` names."""
+    return None if robot is None else robot.value
+
+
+def pose_of(typed: tuple[float, float, float]) -> Pose:
+    """Return a pose (m, m, rad) from what a person types (m, m, degrees)."""
+    x1, x2, theta_deg = typed
+    return Pose(x1, x2, wrap_angle(math.radians(theta_deg)))

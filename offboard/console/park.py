@@ -1,0 +1,166 @@
+"""`klab park`: drive the robot to a goal pose with a trained model."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.geometry import Pose
+from offboard.console import options
+from offboard.console.folder import RunFolder, new_folder
+from offboard.console.terminal import err, progress
+
+STARTS = {"kinematic": (0.0, 0.5, 0.0), "dynamic": (-1.1, -0.53, -42.68)}
+"""m, m, degrees: the paper's lab runs, sections 4 and 5.4."""
+AFTER_LIMIT_S = 10.0
+"""Time beyond the controller's own limit for waiting and braking."""
+
+
+def park(
+    model: Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")],
+    start: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option("--start", metavar="X Y THETA", help="m, m, degrees; default as the paper."),
+    ] = None,
+    goal: Annotated[
+        tuple[float, float, float],
+        typer.Option("--goal", metavar="X Y THETA", help="Goal pose: m, m, degrees."),
+    ] = (0.0, 0.0, 0.0),
+    cost: Annotated[
+        str | None, typer.Option("--cost", help="Stage cost: me (mixed exponents).")
+    ] = None,
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    lockstep: options.InLockstep = False,
+    preset: options.Preset = options.PresetName.lab,
+    seed: options.Seed = None,
+    url: options.Url = None,
+    out: options.Out = None,
+) -> None:
+    """Park the robot: DIR gets the log, summary.json, trajectory.csv and a figure of the path.
+
+    The robot's kind is that of the model. In real time plant and onboard loop are started too,
+    unless they run already.
+
+    Example: klab park --model runs/model.npz --start -1.1 -0.53 -42.68 --lockstep
+    """
+    from koopman_lab.koopman.model import BilinearModel
+
+    loaded = BilinearModel.load(model)
+    wanted = list(overrides or ())
+    if cost is not None:
+        wanted.append(f"controller.cost={cost}")
+    kind = options.kind_of(robot)
+    if kind is None and config is None:
+        kind = loaded.robot_kind
+    lab = options.resolve(config, wanted, kind, preset, seed, url)
+    loaded.require_robot(lab.robot.kind)
+    folder = new_folder(out, "park", lab)
+    typed = start if start is not None else STARTS[lab.robot.kind]
+    summary = drive(
+        lab, folder, model, options.pose_of(typed), options.pose_of(goal), lockstep=lockstep
+    )
+    show(folder, summary)
+    if not summary["parked"]:
+        raise typer.Exit(1)
+
+
+def drive(
+    config: LabConfig,
+    folder: RunFolder,
+    model: Path,
+    start: Pose,
+    goal: Pose,
+    *,
+    lockstep: bool,
+) -> dict[str, Any]:
+    """Park once and return the summary; a run that is interrupted keeps its log.
+
+    Raises
+    ------
+    LabError
+        If the run cannot be made.
+    """
+    from koopman_lab.bus.channels import MOCAP_POSE
+    from koopman_lab.data.decode import SessionLog
+    from offboard.console.outcome import write_park
+
+    run = _in_lockstep if lockstep else _in_real_time
+    try:
+        facts = run(config, folder, model, start, goal)
+    except KeyboardInterrupt:
+        if folder.log.exists():
+            err.print(f"interrupted; what was recorded is in {folder.log}")
+        raise typer.Exit(130) from None
+    mocap = SessionLog(folder.log).channels[MOCAP_POSE.name(config.robot.name)]
+    return write_park(folder, config, facts, goal, mocap.lost)
+
+
+def show(folder: RunFolder, summary: dict[str, Any]) -> None:
+    """Print how a run ended."""
+    pose = summary["final_pose"]
+    where = "no pose measured"
+    if pose is not None:
+        x1, x2, theta = pose
+        where = f"x1 {x1 * 1e3:.1f} mm, x2 {x2 * 1e3:.1f} mm, theta {math.degrees(theta):.2f} deg"
+    word = "parked" if summary["parked"] else f"not parked ({summary['reason']})"
+    err.print(f"{word} after {summary['duration_s']:.1f} s: {where}: {folder.path}")
+
+
+def _in_lockstep(
+    config: LabConfig, folder: RunFolder, model: Path, start: Pose, goal: Pose
+) -> dict[str, Any]:
+    from koopman_lab.bus.channels import PLANT_RESET
+    from offboard.console.nodes import lockstep_lab
+    from offboard.console.outcome import outcome_facts
+    from offboard.console.place import reset_message
+    from offboard.controller.node import ControllerNode
+
+    node = ControllerNode(config, model, goal)
+    lab = lockstep_lab(config, folder, node)
+    limit_s = config.controller.time_limit_s
+    try:
+        lab.publish(PLANT_RESET, reset_message(start, lab.now_us))
+        with progress("parking") as report:
+            lab.run(
+                limit_s + AFTER_LIMIT_S,
+                on_progress=lambda now_s: report(min(now_s, limit_s), limit_s, "s at most"),
+            )
+    finally:
+        lab.close()
+    return outcome_facts(node, missed_deadlines=0)
+
+
+def _in_real_time(
+    config: LabConfig, folder: RunFolder, model: Path, start: Pose, goal: Pose
+) -> dict[str, Any]:
+    from koopman_lab.bus.realtime import Listener
+    from offboard.console.place import place
+    from offboard.console.supervisor import start_lab, supervised
+
+    result = folder.path / "processes" / "controller.json"
+    listener = Listener(config)
+    with supervised(config, folder, listener) as lab, progress("parking") as report:
+        present = lab.present()
+        started = ["plant", "onboard"] if start_lab(lab, present) else []
+        lab.start("logger", "--folder", folder.path)
+        lab.wait_ready(*started, "logger")
+        place(listener, config, start, by_hand="plant" not in present and not started)
+        degrees = map(str, (goal.x1, goal.x2, math.degrees(goal.theta)))
+        lab.start("controller", "--model", model.absolute(), "--goal", *degrees, "--result", result)
+        begun_us, limit_s = listener.now_us(), config.controller.time_limit_s
+        while not lab.ended("controller"):
+            listener.spin(0.2)
+            lab.check()
+            elapsed_s = (listener.now_us() - begun_us) * 1e-6
+            report(min(round(elapsed_s), limit_s), limit_s, "s at most")
+        lab.check()
+    facts: dict[str, Any] = json.loads(result.read_text())
+    result.unlink()
+    return facts

@@ -1,0 +1,136 @@
+"""`klab run`: one node in the foreground, as on separate machines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from offboard.console import options
+
+app = typer.Typer(help="Run one process in the foreground until Ctrl-C.", no_args_is_help=True)
+
+Lifeline = Annotated[int | None, typer.Option("--lifeline-fd", hidden=True)]
+ResultFile = Annotated[
+    Path | None, typer.Option("--result", metavar="FILE", help="Write the outcome here, as JSON.")
+]
+
+
+@app.command()
+def plant(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    preset: options.Preset = options.PresetName.lab,
+    seed: options.Seed = None,
+    url: options.Url = None,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Stand in for hardware: motors, body, encoders, cameras.
+
+    Example: klab run plant --robot dynamic
+    """
+    from koopman_lab.bus.realtime import run_node
+    from offboard.console import nodes
+
+    lab = options.resolve(config, overrides, options.kind_of(robot), preset, seed, url)
+    run_node(nodes.plant(lab), lab, lifeline_fd=lifeline_fd)
+
+
+@app.command()
+def onboard(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    preset: options.Preset = options.PresetName.lab,
+    url: options.Url = None,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Run the motor loop, on the robot's board.
+
+    Example: klab run onboard --robot dynamic --set motor_loop.watchdog_s=0.2
+    """
+    from koopman_lab.bus.realtime import run_node
+    from offboard.console import nodes
+
+    lab = options.resolve(config, overrides, options.kind_of(robot), preset, url=url)
+    run_node(nodes.onboard(lab), lab, lifeline_fd=lifeline_fd)
+
+
+@app.command()
+def logger(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    url: options.Url = None,
+    out: options.Out = None,
+    into: Annotated[Path | None, typer.Option("--folder", hidden=True)] = None,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Write every message of a robot into DIR/session.lcm.
+
+    Example: klab run logger --robot kinematic --out runs/by-hand
+    """
+    from koopman_lab.bus.realtime import run_node
+    from offboard.console import nodes
+    from offboard.console.folder import RunFolder, new_folder
+
+    lab = options.resolve(config, overrides, options.kind_of(robot), url=url)
+    folder = RunFolder(into) if into is not None else new_folder(out, "log", lab)
+    run_node(nodes.logger(lab, folder), lab, lifeline_fd=lifeline_fd)
+
+
+@app.command()
+def sampler(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    seed: options.Seed = None,
+    url: options.Url = None,
+    result: ResultFile = None,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Run a calibration session on a lab whose other processes run already.
+
+    Example: klab run sampler --robot kinematic --seed 7
+    """
+    from koopman_lab.bus.realtime import run_node
+    from koopman_lab.files import write_json
+    from offboard.sampler.node import SamplerNode
+
+    lab = options.resolve(config, overrides, options.kind_of(robot), seed=seed, url=url)
+    node = SamplerNode(lab)
+    statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
+    if result is not None:
+        write_json(result, node.summary() | {"missed_deadlines": statistics.missed_ticks})
+
+
+@app.command()
+def controller(
+    model: Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")],
+    goal: Annotated[
+        tuple[float, float, float],
+        typer.Option("--goal", metavar="X Y THETA", help="Goal pose: m, m, degrees."),
+    ] = (0.0, 0.0, 0.0),
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    url: options.Url = None,
+    result: ResultFile = None,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Park the robot of a lab whose other processes run already.
+
+    Example: klab run controller --model runs/model.npz --goal 0.5 0 90
+    """
+    from koopman_lab.bus.realtime import run_node
+    from koopman_lab.files import write_json
+    from offboard.console.outcome import outcome_facts
+    from offboard.controller.node import ControllerNode
+
+    lab = options.resolve(config, overrides, options.kind_of(robot), url=url)
+    node = ControllerNode(lab, model, options.pose_of(goal))
+    statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
+    if result is not None:
+        write_json(result, outcome_facts(node, statistics.missed_ticks))

@@ -1,0 +1,182 @@
+"""Starts nodes as processes, watches them, and leaves none behind."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from types import FrameType
+
+import lcmtypes
+from koopman_lab.bus.channels import HEARTBEATS
+from koopman_lab.bus.realtime import Listener
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import LabStateError
+from offboard.console.folder import RunFolder
+
+STOP_ORDER = ("sampler", "controller", "onboard", "plant", "logger")
+"""Who commands stops first; the logger writes down the rest."""
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
+PATIENCE_S = 3.0
+"""Time between these signals."""
+READY_LIMIT_S = 30.0
+"""Importing the solver on a busy board takes seconds."""
+LISTEN_S = 1.2
+"""More than two heartbeats, to know who is there already."""
+TAIL_LINES = 12
+
+
+class Supervisor:
+    """Child processes of one command.
+
+    Each child holds the read end of a pipe and ends when the write end here is gone, so killing
+    the supervisor with SIGKILL leaves nobody behind. Children have sessions of their own: Ctrl-C
+    in the terminal reaches only the supervisor, which stops them in order.
+
+    Parameters
+    ----------
+    config
+        The lab, as written to the run folder.
+    folder
+        Takes the processes' own logs.
+    listener
+        This process's ear on the bus.
+    """
+
+    def __init__(self, config: LabConfig, folder: RunFolder, listener: Listener) -> None:
+        self._config = config
+        self._folder = folder
+        self._listener = listener
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._heard: dict[str, int] = {}
+        self._lifeline_read, self._lifeline_write = os.pipe()
+        for name, channel in HEARTBEATS.items():
+            listener.subscribe(channel, self._note(name))
+
+    def present(self) -> set[str]:
+        """Listen for a moment and return the nodes of this robot that speak on the bus."""
+        self._heard.clear()
+        end_s = time.monotonic() + LISTEN_S
+        while (left_s := end_s - time.monotonic()) > 0:
+            self._listener.spin(left_s)
+        return set(self._heard)
+
+    def start(self, name: str, *arguments: str | Path) -> None:
+        """Start a node; its standard output and error go to its file in the run folder."""
+        command = [
+            *(sys.executable, "-m", "offboard.console.main", "run", name),
+            *("--config", str(self._folder.config)),
+            *("--lifeline-fd", str(self._lifeline_read)),
+            *map(str, arguments),
+        ]
+        file = self._folder.process_log(name)
+        file.parent.mkdir(exist_ok=True)
+        with file.open("ab") as log:
+            self._children[name] = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                pass_fds=[self._lifeline_read],
+                start_new_session=True,
+            )
+
+    def wait_ready(self, *names: str) -> None:
+        """Wait until these children have been heard on the bus.
+
+        Raises
+        ------
+        LabStateError
+            If one ends, or is not heard in time.
+        """
+        end_s = time.monotonic() + READY_LIMIT_S
+        while any(self._heard.get(n) != self._children[n].pid for n in names):
+            self.check()
+            if time.monotonic() > end_s:
+                silent = [n for n in names if self._heard.get(n) != self._children[n].pid]
+                raise LabStateError(
+                    f"{', '.join(silent)}: started, but not heard on {self._config.bus.url} within "
+                    f"{READY_LIMIT_S:g} s; `klab doctor` looks at the bus"
+                )
+            self._listener.spin(0.1)
+
+    def check(self) -> None:
+        """Refuse to go on without a process that should be running.
+
+        Raises
+        ------
+        LabStateError
+            If a child has ended by itself with an error, or a node that others need has ended.
+        """
+        for name, child in self._children.items():
+            code = child.poll()
+            if code is None or (code == 0 and name in ("sampler", "controller")):
+                continue
+            file = self._folder.process_log(name)
+            lines = file.read_text(errors="replace").splitlines()[-TAIL_LINES:]
+            how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+            last = "\n".join(f"    {line}" for line in lines) or "    (it said nothing)"
+            raise LabStateError(f"{name} died ({how}); {file} ends with:\n{last}")
+
+    def ended(self, name: str) -> bool:
+        """Return whether a child has ended."""
+        return self._children[name].poll() is not None
+
+    def stop(self) -> None:
+        """Stop all children in order: SIGINT, then SIGTERM, then SIGKILL."""
+        for name in sorted(self._children, key=STOP_ORDER.index):
+            _stop(self._children[name])
+        os.close(self._lifeline_write)
+        os.close(self._lifeline_read)
+
+    def _note(self, name: str) -> Callable[[lcmtypes.node_status_t], None]:
+        def note(status: lcmtypes.node_status_t) -> None:
+            self._heard[name] = status.pid
+
+        return note
+
+
+@contextlib.contextmanager
+def supervised(config: LabConfig, folder: RunFolder, listener: Listener) -> Iterator[Supervisor]:
+    """Give a supervisor to the block and stop its children afterwards, however the block ends.
+
+    Inside, SIGTERM acts like Ctrl-C.
+    """
+    supervisor = Supervisor(config, folder, listener)
+    before = signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        yield supervisor
+    finally:
+        impatient = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        supervisor.stop()
+        signal.signal(signal.SIGINT, impatient)
+        signal.signal(signal.SIGTERM, before)
+
+
+def start_lab(supervisor: Supervisor, present: Sequence[str] | set[str]) -> bool:
+    """Start plant and onboard loop unless a robot is there; return whether they were started."""
+    if "onboard" in present:
+        return False
+    supervisor.start("plant")
+    supervisor.start("onboard")
+    return True
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    del number, frame
+    raise KeyboardInterrupt
+
+
+def _stop(child: subprocess.Popen[bytes]) -> None:
+    for number in SIGNALS:
+        if child.poll() is not None:
+            return
+        child.send_signal(number)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            child.wait(PATIENCE_S)

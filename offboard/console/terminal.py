@@ -1,0 +1,67 @@
+"""What a person sees: messages, and progress as a bar on a terminal or as plain lines."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterator
+from typing import Protocol
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+out = Console(highlight=False, soft_wrap=True)
+err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+PLAIN_PERIOD_S = 10.0
+"""Without a terminal a line this often, and at the end."""
+
+
+class Report(Protocol):
+    """Takes how far the work is."""
+
+    def __call__(self, done: float, total: float, note: str) -> None:
+        """Show ``done`` of ``total`` and a few words."""
+
+
+@contextlib.contextmanager
+def progress(what: str) -> Iterator[Report]:
+    """Show the progress of long work inside the block."""
+    if err.is_terminal:
+        with _bar(what) as report:
+            yield report
+    else:
+        yield _Lines(what)
+
+
+@contextlib.contextmanager
+def _bar(what: str) -> Iterator[Report]:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[note]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=err) as bar:
+        task = bar.add_task(what, total=None, note="")
+
+        def report(done: float, total: float, note: str) -> None:
+            bar.update(task, completed=done, total=total, note=note)
+
+        yield report
+
+
+class _Lines:
+    def __init__(self, what: str) -> None:
+        self._what = what
+        self._next_s = 0.0
+        self._ended = False
+
+    def __call__(self, done: float, total: float, note: str) -> None:
+        now_s = time.monotonic()
+        ends = done >= total and not self._ended
+        if now_s >= self._next_s or ends:
+            self._next_s = now_s + PLAIN_PERIOD_S
+            self._ended = self._ended or ends
+            err.print(f"{self._what}: {done:g} of {total:g}{f', {note}' if note else ''}")

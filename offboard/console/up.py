@@ -1,0 +1,53 @@
+"""`klab up`: the lab's standing processes until Ctrl-C."""
+
+from __future__ import annotations
+
+import typer
+
+from offboard.console import options
+from offboard.console.folder import new_folder
+from offboard.console.terminal import err
+
+
+def up(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    preset: options.Preset = options.PresetName.lab,
+    seed: options.Seed = None,
+    url: options.Url = None,
+    out: options.Out = None,
+) -> None:
+    """Run plant, onboard loop and logger as supervised processes until Ctrl-C.
+
+    Example: klab up --robot kinematic
+    """
+    from koopman_lab.bus.realtime import Listener
+    from koopman_lab.errors import LabStateError
+    from offboard.console.supervisor import supervised
+
+    lab_config = options.resolve(config, overrides, options.kind_of(robot), preset, seed, url)
+    folder = new_folder(out, "up", lab_config)
+    listener = Listener(lab_config)
+    try:
+        with supervised(lab_config, folder, listener) as lab:
+            present = lab.present() & {"plant", "onboard"}
+            if present:
+                raise LabStateError(
+                    f"{', '.join(sorted(present))} of {lab_config.robot.name} already run on "
+                    f"{lab_config.bus.url}; stop them, or take another name with "
+                    "--set robot.name=R2"
+                )
+            lab.start("logger", "--folder", folder.path)
+            lab.start("plant")
+            lab.start("onboard")
+            lab.wait_ready("plant", "onboard", "logger")
+            name, kind = lab_config.robot.name, lab_config.robot.kind
+            err.print(f"{name} ({kind}) is up on {lab_config.bus.url}; log: {folder.log}")
+            err.print("Ctrl-C ends it; `klab calibrate` and `klab park` in another terminal use it")
+            while True:
+                listener.spin(0.2)
+                lab.check()
+    except KeyboardInterrupt:
+        err.print("stopped")
+        raise typer.Exit(130) from None

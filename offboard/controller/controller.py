@@ -1,0 +1,257 @@
+"""The predictive controller as a state machine: wait, drive, stop in one of three ends."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.geometry import Pose, relative_to, wrap_angle
+from koopman_lab.mpc.costs import stage_cost
+from koopman_lab.mpc.receding_horizon import Decision, RecedingHorizon
+from koopman_lab.units import US_PER_S
+from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds
+
+REST_SPEED_M_PER_S = 0.01
+REST_TURN_RAD_PER_S = 0.05
+"""Slower than this the robot counts as standing; a few times what one encoder count makes."""
+
+BRAKING_STEPS = 4.0
+"""Speeds are braked by this fraction a step: the wheel odometry is two to three steps late, and
+a robot braked by all of its measured speed would swing."""
+
+STOP_LIMIT_S = 2.0
+"""The end is reported after this time even if no wheel odometry shows the robot at rest."""
+
+
+class State(IntEnum):
+    """Of the controller; the numbers are those of ``mpc_state_t``."""
+
+    WAIT = 0
+    DRIVING = 1
+    PARKED = 2
+    TIME_LIMIT = 3
+    FAILED = 4
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a step sees.
+
+    Attributes
+    ----------
+    frames
+        Camera frames since the last step, in order of arrival.
+    wheels
+        The newest wheel odometry, None if there is none yet.
+    onboard_ready, logger_ready
+        Whether the motor loop takes commands, and whether the session is written down.
+    """
+
+    frames: tuple[Frame, ...]
+    wheels: WheelSpeeds | None
+    onboard_ready: bool
+    logger_ready: bool
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """What a step decides.
+
+    Attributes
+    ----------
+    state
+        Of the controller.
+    u
+        Input for the next sampling interval: m/s, rad/s or m/s^2, rad/s^2.
+    state_in_goal_frame
+        (5,): m, m, rad, m/s, rad/s; the speeds are zero for the kinematic robot.
+    pose_utime
+        Exposure time of the newest usable frame in us, None before the first.
+    value, stage_cost
+        Cost of the plan, and of the present state under ``u``; zero unless driving.
+    iterations, solved
+        Of the solver in this step.
+    predicted
+        (H + 1, 2): planned positions in the inertial frame in m; empty unless driving.
+    finished
+        The robot has stopped and there is nothing left to do.
+    """
+
+    state: State
+    u: tuple[float, float]
+    state_in_goal_frame: NDArray[np.float64]
+    pose_utime: int | None
+    value: float = 0.0
+    stage_cost: float = 0.0
+    iterations: int = 0
+    solved: bool = False
+    predicted: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2)))
+    finished: bool = False
+
+
+class Controller:
+    """Drives the robot to a goal pose.
+
+    The optimiser works in the frame of the goal: the robot's motion does not depend on where the
+    frame lies, and the problem has no terminal ingredients (paper, section 2.1).
+
+    Parameters
+    ----------
+    config
+        The lab.
+    optimiser
+        Made for the same configuration, and used by nobody else.
+    goal
+        Goal pose in the inertial frame.
+    """
+
+    def __init__(self, config: LabConfig, optimiser: RecedingHorizon, goal: Pose) -> None:
+        self.state = State.WAIT
+        self.goal = goal
+        self.reason = ""
+        """Why the drive ended, or what it waits for."""
+        self._settings = config.controller
+        self._accelerates = config.robot.kind == "dynamic"
+        self._cost = stage_cost(config.controller)
+        self._optimiser = optimiser
+        self._estimator = StateEstimator(config, goal, optimiser.advance)
+        self._started_us = 0
+        self._ended_us = 0
+        self._inside_since_us: int | None = None
+
+    def step(self, seen: Inputs, now_us: int) -> Outputs:
+        """Return what to command for the next sampling interval, and what to report."""
+        self._estimator.update(seen.frames, seen.wheels, now_us)
+        x = self._estimator.state()
+        if self.state is State.WAIT:
+            self._start_if_ready(seen, now_us)
+        if self.state is State.DRIVING and x is not None:
+            self._end_if_due(seen, x, now_us)
+            if self.state is State.DRIVING:
+                decision = self._optimiser.step(x)
+                if decision.failures_in_a_row < self._settings.largest_failures_in_a_row:
+                    self._estimator.apply(decision.u)
+                    return self._driving(x, decision)
+                failures = f"solver failed {decision.failures_in_a_row} times in a row"
+                self._end(State.FAILED, failures, now_us)
+        return self._standing(x, now_us)
+
+    def pose(self) -> Pose | None:
+        """Return the newest usable measured pose relative to the goal."""
+        frame = self._estimator.frame
+        return None if frame is None else relative_to(self.goal, frame.pose)
+
+    def duration_s(self, now_us: int) -> float:
+        """Return how long the drive took, or has taken until now."""
+        if self.state is State.WAIT:
+            return 0.0
+        end_us = now_us if self.state is State.DRIVING else self._ended_us
+        return (end_us - self._started_us) / US_PER_S
+
+    def stop_input(self, now_us: int) -> tuple[float, float]:
+        """Return the input that brings the robot to rest."""
+        wheels = self._estimator.wheels
+        if wheels is None or not self._accelerates or not self._estimator.knows_speed(now_us):
+            return 0.0, 0.0
+        largest = self._settings.u_max
+        braking_s = BRAKING_STEPS * self._settings.dt_s
+        a, d_omega = (
+            min(limit, max(-limit, -speed / braking_s))
+            for speed, limit in zip(wheels.velocity, largest, strict=True)
+        )
+        return a, d_omega
+
+    def _start_if_ready(self, seen: Inputs, now_us: int) -> None:
+        obstacle = self._obstacle(seen, now_us)
+        self.reason = "" if obstacle is None else f"waits: {obstacle}"
+        if obstacle is None:
+            self.state = State.DRIVING
+            self._started_us = now_us
+
+    def _end_if_due(self, seen: Inputs, x: NDArray[np.float64], now_us: int) -> None:
+        obstacle = self._obstacle(seen, now_us)
+        if obstacle is not None:
+            self._end(State.FAILED, obstacle, now_us)
+        elif self._held_inside(x, now_us):
+            self._end(State.PARKED, "parked", now_us)
+        elif now_us - self._started_us >= round(self._settings.time_limit_s * US_PER_S):
+            self._end(State.TIME_LIMIT, f"not parked after {self._settings.time_limit_s} s", now_us)
+
+    def _obstacle(self, seen: Inputs, now_us: int) -> str | None:
+        """Return what forbids driving."""
+        if not seen.onboard_ready:
+            return "onboard loop silent or stopped"
+        if not seen.logger_ready:
+            return "logger silent"
+        measured_us, frame = self._estimator.measured_us, self._estimator.frame
+        timeout_us = self._settings.tracking_timeout_s * US_PER_S
+        if frame is None or now_us - frame.utime > timeout_us:
+            return "tracking lost"
+        if measured_us is None or now_us - measured_us > timeout_us:
+            return "wheel odometry lost"
+        return None
+
+    def _held_inside(self, x: NDArray[np.float64], now_us: int) -> bool:
+        if self._estimator.is_measured:
+            if not self._inside(x):
+                self._inside_since_us = None
+            elif self._inside_since_us is None:
+                self._inside_since_us = now_us
+        hold_us = round(self._settings.parked_hold_s * US_PER_S)
+        return self._inside_since_us is not None and now_us - self._inside_since_us >= hold_us
+
+    def _inside(self, x: NDArray[np.float64]) -> bool:
+        largest_x1, largest_x2 = self._settings.parked_position_m
+        return (
+            abs(x[0]) <= largest_x1
+            and abs(x[1]) <= largest_x2
+            and abs(wrap_angle(float(x[2]))) <= self._settings.parked_angle_rad
+            and (not self._accelerates or _at_rest(x[3], x[4]))
+        )
+
+    def _end(self, state: State, reason: str, now_us: int) -> None:
+        self.state = state
+        self.reason = reason
+        self._ended_us = now_us
+
+    def _driving(self, x: NDArray[np.float64], decision: Decision) -> Outputs:
+        plan = decision.plan
+        c, s = math.cos(self.goal.theta), math.sin(self.goal.theta)
+        turn = np.array([[c, -s], [s, c]])
+        return replace(
+            self._report(x, (float(decision.u[0]), float(decision.u[1]))),
+            value=plan.value,
+            stage_cost=float(self._cost(x, decision.u)),
+            iterations=decision.iterations,
+            solved=decision.solved,
+            predicted=plan.states[:, :2] @ turn.T + np.array(self.goal[:2]),
+        )
+
+    def _standing(self, x: NDArray[np.float64] | None, now_us: int) -> Outputs:
+        outputs = self._report(x, self.stop_input(now_us))
+        if self.state is State.WAIT:
+            return outputs
+        wheels = self._estimator.wheels
+        after_end = wheels is not None and wheels.utime > self._ended_us
+        stopped = wheels is not None and after_end and _at_rest(*wheels.velocity)
+        # Without odometry nothing more can be done for a robot that rolls: it is braked by the
+        # motor loop's watchdog as soon as commands stop.
+        blind = self._accelerates and not self._estimator.knows_speed(now_us)
+        late = now_us - self._ended_us >= round(STOP_LIMIT_S * US_PER_S)
+        return replace(outputs, finished=stopped or blind or late)
+
+    def _report(self, x: NDArray[np.float64] | None, u: tuple[float, float]) -> Outputs:
+        state_in_goal_frame = np.zeros(5)
+        if x is not None:
+            state_in_goal_frame[: len(x)] = x
+        frame = self._estimator.frame
+        return Outputs(self.state, u, state_in_goal_frame, None if frame is None else frame.utime)
+
+
+def _at_rest(v: float, omega: float) -> bool:
+    return abs(v) <= REST_SPEED_M_PER_S and abs(omega) <= REST_TURN_RAD_PER_S

@@ -1,0 +1,124 @@
+"""Ties the controller to the bus."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import lcmtypes
+from koopman_lab.bus import channels
+from koopman_lab.bus.node import Port
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.geometry import Pose, Velocity
+from koopman_lab.mpc.prediction import PredictionModel, load_prediction
+from koopman_lab.mpc.receding_horizon import receding_horizon
+from koopman_lab.mpc.solver import BackEnd
+from offboard.commander import Commands, Freshness, SessionInfo
+from offboard.controller.controller import Controller, Inputs, State
+from offboard.controller.estimate import Frame, WheelSpeeds
+from offboard.controller.report import ParkOutcome, TrajectoryPoint, mpc_state
+
+ORIGIN = Pose(0.0, 0.0, 0.0)
+
+
+class ControllerNode:
+    """Listens to poses, wheels and who is alive; commands the robot and speaks MPC_STATE.
+
+    Parameters
+    ----------
+    config
+        The lab.
+    model
+        Predicts the robot, or the model file to load.
+    goal
+        Goal pose in the inertial frame.
+    back_end
+        Solver.
+
+    Raises
+    ------
+    ModelError
+        If the model cannot be used with this configuration.
+    """
+
+    name = "controller"
+
+    def __init__(
+        self,
+        config: LabConfig,
+        model: PredictionModel | Path,
+        goal: Pose = ORIGIN,
+        back_end: BackEnd = "fatrop",
+    ) -> None:
+        prediction = load_prediction(model) if isinstance(model, Path) else model
+        self.controller = Controller(config, receding_horizon(prediction, config, back_end), goal)
+        self.solve_ms: list[float] = []
+        self.trajectory: list[TrajectoryPoint] = []
+        self._config = config
+        self._port: Port | None = None
+        self._frames: list[Frame] = []
+        self._wheels: WheelSpeeds | None = None
+
+    def attach(self, port: Port) -> None:
+        """Register channels and timers."""
+        self._port = port
+        self._alive = Freshness(port, self._config)
+        self._commands = Commands(port, self._config, lcmtypes.velocity_command_t.CONTROLLER)
+        SessionInfo(port, self._config, "park")
+        port.subscribe(channels.MOCAP_POSE, self._on_pose)
+        port.subscribe(channels.WHEEL_STATE, self._on_wheels)
+        port.every(1.0 / self._config.controller.dt_s, self._on_tick)
+
+    def close(self) -> None:
+        """Send a last stop; the motor loop's watchdog does the rest."""
+        if self._port is not None:
+            now_us = self._port.now_us()
+            self._commands.send(self.controller.stop_input(now_us), now_us)
+
+    def outcome(self) -> ParkOutcome:
+        """Return how the run ended, or where it stands."""
+        state, now_us = self.controller.state, self._port.now_us() if self._port else 0
+        return ParkOutcome(
+            state is State.PARKED,
+            state.name,
+            self.controller.reason,
+            self.controller.pose(),
+            self.controller.duration_s(now_us),
+            list(self.solve_ms),
+            len(self.trajectory),
+        )
+
+    def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:
+        pose = Pose(message.x1_m, message.x2_m, message.theta_rad)
+        self._frames.append(Frame(message.utime, pose, message.tracking_valid))
+
+    def _on_wheels(self, message: lcmtypes.wheel_state_t) -> None:
+        velocity = Velocity(message.v_m_per_s, message.omega_rad_per_s)
+        self._wheels = WheelSpeeds(message.utime, velocity)
+
+    def _on_tick(self, tick_us: int) -> None:
+        del tick_us
+        assert self._port is not None  # by attach
+        now_us, began_s = self._port.now_us(), time.perf_counter()
+        onboard = self._alive.onboard(now_us)
+        seen = Inputs(
+            tuple(self._frames),
+            self._wheels,
+            onboard is not None and onboard.state != lcmtypes.onboard_status_t.ESTOP,
+            self._alive.logger(now_us),
+        )
+        self._frames.clear()
+        outputs = self.controller.step(seen, now_us)
+        solve_ms = (time.perf_counter() - began_s) * 1e3
+        sent_us = self._port.now_us()
+        self._commands.send(outputs.u, sent_us)
+        if outputs.state is State.DRIVING:
+            self.solve_ms.append(solve_ms)
+            state = tuple(map(float, outputs.state_in_goal_frame))
+            self.trajectory.append(TrajectoryPoint(sent_us, state, outputs.u, outputs.value))
+        # In lockstep time on the wall means nothing, and logs are the same byte by byte.
+        published_ms = 0.0 if self._port.virtual else solve_ms
+        report = mpc_state(outputs, self.controller.goal, published_ms, sent_us)
+        self._port.publish(channels.MPC_STATE, report)
+        if outputs.finished:
+            self._port.finish()

@@ -1,0 +1,54 @@
+# Sourced by the other scripts: makes .venv in the repository and enters it.
+# Sets ROOT to the repository.
+
+set -euo pipefail
+ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+
+fail() {
+    printf '%s\n' "$@" >&2
+    exit 2
+}
+
+find_python() {
+    local candidate
+    for candidate in python3 python3.13 python3.12 python3.11 python3.10; do
+        if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null; then
+            printf '%s\n' "$candidate"
+            return
+        fi
+    done
+    fail "Python 3.10 or newer is missing." "On Debian or Ubuntu: sudo apt install python3 python3-venv"
+}
+
+# What the installation depends on; a change of it installs again.
+fingerprint() {
+    (cd "$ROOT" && cat pyproject.toml scripts/generate_types.py lcmtypes/*.lcm | cksum)
+    printf '%s\n' "$ROOT"
+}
+
+make_environment() {
+    local python stamp="$ROOT/.venv/.installed"
+    if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$(fingerprint)" ]; then
+        return
+    fi
+    python=$(find_python)
+    if [ ! -x "$ROOT/.venv/bin/python" ]; then
+        rm -rf "$ROOT/.venv"
+        if ! "$python" -m venv "$ROOT/.venv" >&2; then
+            rm -rf "$ROOT/.venv"
+            fail "$python cannot make a virtual environment (its venv or ensurepip module is missing)." \
+                "On Debian or Ubuntu: sudo apt install python3-venv"
+        fi
+    fi
+    echo "Installing into .venv ..." >&2
+    if ! "$ROOT/.venv/bin/python" -m pip install --quiet --disable-pip-version-check \
+        --editable "$ROOT[dev]" >&2; then
+        fail "Installing the packages failed; the reason stands above." \
+            "Most often there is no connection to the package index, or a proxy must be set."
+    fi
+    fingerprint > "$stamp"
+}
+
+make_environment
+export PATH="$ROOT/.venv/bin:$PATH"
+export VIRTUAL_ENV="$ROOT/.venv"

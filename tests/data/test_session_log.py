@@ -1,0 +1,136 @@
+import numpy as np
+import pytest
+from synthetic_session import EPOCH_US, Session
+
+import lcmtypes
+from koopman_lab.bus.channels import ENCODER, MOCAP_POSE, SAMPLER_STATE, SESSION_INFO
+from koopman_lab.data.decode import ChannelSummary, SessionLog
+from koopman_lab.data.eventlog import EventLogWriter
+from koopman_lab.errors import ConfigError, LogError
+
+
+@pytest.fixture(scope="module")
+def session():
+    return Session("kinematic", segments=1)
+
+
+@pytest.fixture
+def path(session, tmp_path):
+    return session.write(tmp_path / "session.lcm")
+
+
+def frames(numbers, robot="R1"):
+    made = []
+    for number in numbers:
+        pose = lcmtypes.mocap_pose_t()
+        pose.utime, pose.sequence = 1000 * number, number
+        made.append((MOCAP_POSE.name(robot), pose.encode(), 5_000_000))
+    return made
+
+
+def write(path, messages):
+    with EventLogWriter(path) as log:
+        for message in messages:
+            log.write(*message)
+    return path
+
+
+def test_a_session_folder_stands_for_its_log(path):
+    assert SessionLog(path.parent).path == path
+    with pytest.raises(LogError, match="no such log"):
+        SessionLog(path.parent / "none")
+
+
+def test_channels_are_counted_by_their_own_time(session, path):
+    log = SessionLog(path)
+    assert list(log.channels) == ["R1_MOCAP_POSE", "R1_SAMPLER_STATE", "R1_SESSION_INFO"]
+    seen = log.channels["R1_MOCAP_POSE"]
+    assert seen.count == len(session.frames)
+    assert (seen.first_us, seen.last_us) == (EPOCH_US, session.frames[-1].utime)
+    assert seen.rate_hz == pytest.approx(240.0, rel=1e-4)
+    assert (seen.lost, seen.gaps) == (0, 0)
+    assert log.channels["R1_SESSION_INFO"].rate_hz is None
+    last_us = max(session.frames[-1].utime, session.states[-1].utime)
+    assert log.duration_s == pytest.approx((last_us - EPOCH_US) / 1e6)
+
+
+def test_loss_is_seen_by_sequence_numbers_and_a_restart_is_no_loss(tmp_path):
+    numbers = [0, 1, 4, 5, 9, 0, 1]
+    log = SessionLog(write(tmp_path / "log.lcm", frames(numbers)))
+    assert log.channels["R1_MOCAP_POSE"] == ChannelSummary(
+        7, 0, 9000, pytest.approx(6 / 0.009), lost=5, gaps=2
+    )
+
+
+def test_channels_of_other_programs_are_counted_by_arrival(tmp_path):
+    log = SessionLog(write(tmp_path / "log.lcm", [("OTHER", b"x" * 50, t) for t in (5, 1_000_005)]))
+    assert log.channels["OTHER"] == ChannelSummary(2, 5, 1_000_005, 1.0, 0, 0)
+    with pytest.raises(LogError, match="holds no channel of this lab, only OTHER"):
+        log.array(MOCAP_POSE)
+
+
+def test_arrays_hold_every_message(session, path):
+    log = SessionLog(path)
+    poses = log.array(MOCAP_POSE)
+    assert poses["x1_m"].tolist() == [frame.x1_m for frame in session.frames]
+    assert poses["tracking_valid"].all()
+    assert len(log.array(SAMPLER_STATE)) == len(session.states)
+    assert len(log.array(ENCODER)) == 0
+    assert log.messages(SESSION_INFO)[0].activity == "calibrate"
+
+
+def test_the_configuration_comes_out_as_it_went_in(session, path):
+    assert SessionLog(path).config() == session.config
+
+
+def test_a_log_without_or_with_two_configurations_is_refused(session, tmp_path):
+    with pytest.raises(LogError, match="R1_SESSION_INFO, so it does not say its configuration"):
+        SessionLog(write(tmp_path / "a.lcm", frames([0]))).config()
+    info = lcmtypes.session_info_t()
+    info.config_yaml = "seed: 1"
+    row = (SESSION_INFO.name("R1"), info.encode(), 0)
+    with pytest.raises(LogError, match="2 different configurations"):
+        SessionLog(write(tmp_path / "b.lcm", [*session.messages()[:3], row])).config()
+    with pytest.raises(ConfigError, match=r"c\.lcm: its configuration is none of this version"):
+        SessionLog(write(tmp_path / "c.lcm", [row])).config()
+
+
+def test_several_robots_in_one_log_are_kept_apart(tmp_path):
+    path = write(tmp_path / "log.lcm", frames([0, 1]) + frames([5], "R2"))
+    with pytest.raises(LogError, match="holds the robots R1, R2; say which"):
+        SessionLog(path).array(MOCAP_POSE)
+    assert len(SessionLog(path, robot_name="R1").array(MOCAP_POSE)) == 2
+    assert SessionLog(path, robot_name="R2").array(MOCAP_POSE)["sequence"].tolist() == [5]
+    with pytest.raises(LogError, match="holds no robot R3, only R1, R2"):
+        SessionLog(path, robot_name="R3").array(MOCAP_POSE)
+
+
+def test_messages_of_another_type_are_refused_and_left_out_by_salvage(tmp_path):
+    wrong = ("R1_MOCAP_POSE", lcmtypes.encoder_t().encode(), 0)
+    path = write(tmp_path / "log.lcm", [*frames([0, 1]), wrong, *frames([3])])
+    with pytest.raises(
+        LogError, match=r"1 of 4 messages of R1_MOCAP_POSE are no mocap_pose_t, first number 2"
+    ):
+        SessionLog(path).array(MOCAP_POSE)
+    assert SessionLog(path, salvage=True).array(MOCAP_POSE)["sequence"].tolist() == [0, 1, 3]
+
+
+def test_messages_too_short_for_a_header_are_only_counted(tmp_path):
+    path = write(tmp_path / "log.lcm", [("R1_MOCAP_POSE", b"", 7), *frames([0, 1])])
+    assert SessionLog(path).channels["R1_MOCAP_POSE"].count == 3
+
+
+def test_a_damaged_log_is_refused_and_salvaged_on_request(session, path):
+    content = bytearray(path.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 300] = bytes(300)
+    path.write_bytes(content)
+    with pytest.raises(LogError, match="--salvage"):
+        SessionLog(path)
+    log = SessionLog(path, salvage=True)
+    missing = len(session.messages()) - sum(c.count for c in log.channels.values())
+    assert 3 <= missing <= 6
+    assert sum(c.lost for c in log.channels.values()) == missing
+    assert len(log.damage) == 1
+    assert 300 <= log.damage[0].size < 300 + 2 * 150
+    assert np.all(np.diff(log.array(MOCAP_POSE)["utime"]) > 0)

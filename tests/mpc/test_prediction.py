@@ -1,0 +1,76 @@
+"""Prediction models: the nominal equations, and a surrogate with exactly known matrices."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from koopman_lab.config.load import load_config
+from koopman_lab.errors import ModelError
+from koopman_lab.koopman.dictionary import dictionary
+from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction, load_prediction
+from koopman_lab.mpc.receding_horizon import receding_horizon
+from koopman_lab.robot.models import nominal_model
+
+ANGLE = st.floats(-9.0, 9.0)
+SPEED = st.floats(-0.5, 0.5)
+
+
+def exact_d5t(dt_s=0.05):
+    """Return D5t's invariant propagation: for fixed (v, omega) its span is closed."""
+    along, turning = np.zeros((5, 5)), np.zeros((5, 5))
+    along[1, 3] = along[2, 4] = 1.0
+    turning[3, 4], turning[4, 3] = -1.0, 1.0
+    inputs = np.array([[0.0, 0.0], [0.2, -0.4], [0.2, 0.6]])
+    matrices = np.array([expm(dt_s * (v * along + omega * turning)) for v, omega in inputs])
+    return BilinearModel(dictionary("D5t", "kinematic"), matrices, inputs, dt_s, {})
+
+
+def as_function(model):
+    x, u = ca.SX.sym("x", model.state_dim), ca.SX.sym("u", 2)
+    step = ca.Function("step", [x, u], [model.step(x, u)])
+    return lambda state, command: np.asarray(step(state, command)).ravel()
+
+
+@pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
+def test_the_nominal_prediction_is_the_nominal_model(robot):
+    model, prediction = nominal_model(robot), NominalPrediction(robot, 0.05)
+    assert (prediction.robot_kind, prediction.state_dim) == (robot, model.state_dim)
+    step, rng = as_function(prediction), np.random.default_rng(0)
+    for _ in range(20):
+        x, u = rng.normal(size=model.state_dim), rng.normal(size=2)
+        np.testing.assert_allclose(step(x, u), model.step(x, u, 0.05), atol=1e-14)
+
+
+@given(theta=ANGLE, v=SPEED, omega=st.floats(-2.0, 2.0))
+def test_the_surrogate_predicts_in_symbols_what_it_predicts_in_numbers(theta, v, omega):
+    model = exact_d5t()
+    x, u = np.array([0.3, -0.2, theta]), np.array([v, omega])
+    predicted = as_function(KoopmanPrediction(model))(x, u)
+    np.testing.assert_allclose(predicted, model.step(x, u), atol=1e-12)
+    # The angle goes on from where it was, also beyond a half turn.
+    assert predicted[2] == pytest.approx(theta + 0.05 * omega, abs=1e-3)
+
+
+def test_a_model_file_becomes_a_prediction(tmp_path):
+    exact_d5t().save(tmp_path / "model.npz")
+    prediction = load_prediction(tmp_path / "model.npz")
+    assert (prediction.robot_kind, prediction.state_dim, prediction.dt_s) == ("kinematic", 3, 0.05)
+    with pytest.raises(ModelError, match=r"absent\.npz"):
+        load_prediction(tmp_path / "absent.npz")
+
+
+def test_the_nominal_robot_parks_with_a_surrogate():
+    config = load_config(robot="kinematic")
+    horizon = receding_horizon(KoopmanPrediction(exact_d5t()), config)
+    model, x = nominal_model("kinematic"), np.array([0.0, 0.5, 0.0])
+    for _ in range(160):
+        decision = horizon.step(x)
+        assert decision.solved
+        x = model.step(x, decision.u, 0.05)
+    assert abs(x[0]) <= 0.03
+    assert abs(x[1]) <= 0.01
+    assert abs(x[2]) <= np.deg2rad(5.0)
