@@ -45,13 +45,27 @@ def open_lcm(config: LabConfig) -> lcm.LCM:
     """
     url = bus_url(config)
     try:
-        return lcm.LCM(url)
+        with _quiet():
+            return lcm.LCM(url)
     except (RuntimeError, ValueError, OSError):
         raise BusError(
             f"bus.url {config.bus.url}: LCM cannot open it. Most often there is no route for "
             "multicast; on one machine this makes one: sudo ip link set lo multicast on && "
             "sudo ip route add 224.0.0.0/4 dev lo. `klab doctor` looks closer."
         ) from None
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep LCM's C library from writing a page of its own to standard error."""
+    saved, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(nowhere)
 
 
 class Clock:

@@ -209,7 +209,7 @@ def _locate(key: Key, layers: Sequence[Layer]) -> str:
         where = layer.locate(key)
         if where:
             return where
-    return "configuration"
+    return layers[0].source if len(layers) == 1 else "configuration"
 
 
 def _explain(errors: Sequence[ErrorDetails], layers: Sequence[Layer]) -> str:

@@ -182,26 +182,28 @@ class BilinearModel:
             # Opened here: np.load leaves a file open that it cannot make sense of.
             with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
                 header = json.loads(bytes(file["header"]))
+                version, name, kind = header["format"], header["dictionary"], header["robot"]
+                names, dt_s, metadata = header["observables"], header["dt_s"], header["metadata"]
                 matrices, basis_inputs = file["matrices"], file["basis_inputs"]
         except FileNotFoundError:
             raise ModelError(f"{path}: no such model; `klab train SESSION` makes one") from None
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, AttributeError):
+        except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile):
             raise ModelError(
                 f"{path}: damaged, or not a model; `klab train SESSION` makes one"
             ) from None
-        if header.get("format") != FORMAT:
+        if version != FORMAT:
             raise ModelError(
-                f"{path}: model file of format {header.get('format')}, this version reads "
+                f"{path}: model file of format {version}, this version reads "
                 f"{FORMAT}; train it again from its session"
             )
-        observables = dictionary(header["dictionary"], header["robot"])
+        observables = dictionary(name, kind)
         size = observables.size
-        if list(observables.names) != header["observables"] or matrices.shape != (3, size, size):
+        if list(observables.names) != names or matrices.shape != (3, size, size):
             raise ModelError(
                 f"{path}: its observables are not those of {observables.name} here; train it "
                 "again from its session"
             )
-        return cls(observables, matrices, basis_inputs, header["dt_s"], header["metadata"])
+        return cls(observables, matrices, basis_inputs, dt_s, metadata)
 
 
 def _turns(theta: Any, m: Any) -> Any:

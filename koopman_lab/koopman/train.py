@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from koopman_lab.data.dataset import DataSet
+from koopman_lab.errors import DataError
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.koopman.excitation import Excitation, excitation
-from koopman_lab.koopman.fit import Fit, fit_matrix
+from koopman_lab.koopman.fit import fit_matrix
 from koopman_lab.koopman.model import BilinearModel
 
 
@@ -55,22 +56,28 @@ def train(dataset: DataSet, dictionary_name: str) -> tuple[BilinearModel, Traini
         If the samples of a basis input do not excite the dictionary.
     """
     observables = dictionary(dictionary_name, dataset.robot_kind)
+    if dataset.robot_kind == "dynamic" and 0 not in dataset.basis_inputs:
+        raise DataError(
+            "data set of the dynamic robot without basis input u_0: its drift cannot be learned; "
+            "record a session with three sampler.basis_inputs"
+        )
     inputs = {0: np.zeros(2)} | {i: np.asarray(u, float) for i, u in dataset.basis_inputs.items()}
-    driftless = dataset.robot_kind == "kinematic" and 0 not in dataset.basis_inputs
+    lifted = {index: observables.lift(x) for index, x in dataset.X.items()}
+    found = {index: excitation(psi, dataset.segments[index]) for index, psi in lifted.items()}
+    for index, excited in found.items():
+        excited.require_full_rank(index, observables)
     matrices, reports = [], []
     for index in sorted(inputs):
         u = (float(inputs[index][0]), float(inputs[index][1]))
-        if index == 0 and driftless:
+        if index not in lifted:
+            # Only u_0 of the kinematic robot can be missing: it has no drift.
             matrices.append(np.eye(observables.size))
             reports.append(BasisReport(index, u, None, 0.0, {}))
             continue
-        psi_x = observables.lift(dataset.X[index])
-        found = excitation(psi_x, dataset.segments[index])
-        found.require_full_rank(index, observables)
-        fit: Fit = fit_matrix(psi_x, observables.lift(dataset.Y[index]))
+        fit = fit_matrix(lifted[index], observables.lift(dataset.Y[index]))
         matrices.append(fit.matrix)
         residuals = dict(zip(observables.names, fit.residual_rms.tolist(), strict=True))
-        reports.append(BasisReport(index, u, found, fit.constant_residual, residuals))
+        reports.append(BasisReport(index, u, found[index], fit.constant_residual, residuals))
     report = TrainingReport(
         dataset.robot_kind, observables.name, dataset.dt_s, dataset.data_hash, tuple(reports)
     )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,6 +11,9 @@ from koopman_lab.errors import LabError
 from offboard.console import options
 from offboard.console.folder import RunFolder, new_folder
 from offboard.console.terminal import err, progress
+
+if TYPE_CHECKING:
+    from koopman_lab.bus.realtime import Listener
 
 LOCKSTEP_LIMIT_S = 100_000.0
 """Virtual time after which a session that never ends is given up."""
@@ -40,29 +42,40 @@ def calibrate(
     if segments is not None:
         wanted.append(f"sampler.segments_per_basis={segments}")
     lab = options.resolve(config, wanted, options.kind_of(robot), preset, seed, url)
+    listener = None if lockstep else options.listen(lab)
     folder = new_folder(out, "calibration", lab)
-    summary = record(lab, folder, lockstep=lockstep)
+    summary = record(lab, folder, listener)
     show(folder, summary)
     if not summary["complete"]:
         raise typer.Exit(1)
 
 
-def record(config: LabConfig, folder: RunFolder, *, lockstep: bool) -> dict[str, Any]:
+def record(config: LabConfig, folder: RunFolder, listener: Listener | None) -> dict[str, Any]:
     """Run the session and return its summary; a session that is interrupted keeps its log.
+
+    Parameters
+    ----------
+    config
+        The lab.
+    folder
+        Takes the files.
+    listener
+        This process's ear on the bus; None for lockstep.
 
     Raises
     ------
     LabError
         If the session cannot be run.
     """
-    try:
-        facts = _in_lockstep(config, folder) if lockstep else _in_real_time(config, folder)
-    except KeyboardInterrupt:
-        if folder.log.exists():
-            err.print(f"interrupted; what was recorded is in {folder.log}")
-        raise typer.Exit(130) from None
+    from offboard.console.session import keeping_the_log
+
+    with keeping_the_log(folder):
+        if listener is None:
+            facts = _in_lockstep(config, folder)
+        else:
+            facts = _in_real_time(config, folder, listener)
     facts |= _data(folder, complete=facts["complete"])
-    summary = {"what": "calibrate", "lockstep": lockstep} | facts
+    summary = {"what": "calibrate", "lockstep": listener is None} | facts
     folder.write_summary(config, summary)
     return summary
 
@@ -97,31 +110,18 @@ def _in_lockstep(config: LabConfig, folder: RunFolder) -> dict[str, Any]:
     return node.summary() | {"missed_deadlines": 0}
 
 
-def _in_real_time(config: LabConfig, folder: RunFolder) -> dict[str, Any]:
+def _in_real_time(config: LabConfig, folder: RunFolder, listener: Listener) -> dict[str, Any]:
     import lcmtypes
     from koopman_lab.bus.channels import SAMPLER_STATE
-    from koopman_lab.bus.realtime import Listener
-    from offboard.console.supervisor import start_lab, supervised
+    from offboard.console.session import in_real_time
 
-    result = folder.path / "processes" / "sampler.json"
-    listener = Listener(config)
-    with supervised(config, folder, listener) as lab, progress("calibrating") as report:
+    with progress("calibrating") as report:
 
         def show_state(state: lcmtypes.sampler_state_t) -> None:
             report(state.segments_done, state.segments_total, f"{state.samples} frames")
 
         listener.subscribe(SAMPLER_STATE, show_state)
-        started = ["plant", "onboard"] if start_lab(lab, lab.present()) else []
-        lab.start("logger", "--folder", folder.path)
-        lab.wait_ready(*started, "logger")
-        lab.start("sampler", "--result", result)
-        while not lab.ended("sampler"):
-            listener.spin(0.2)
-            lab.check()
-        lab.check()
-    facts: dict[str, Any] = json.loads(result.read_text())
-    result.unlink()
-    return facts
+        return in_real_time(config, folder, listener, "sampler")
 
 
 def _data(folder: RunFolder, *, complete: bool) -> dict[str, Any]:

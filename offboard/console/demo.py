@@ -48,18 +48,19 @@ def demo(
     count = segments if segments is not None else SEGMENTS[lab.robot.kind]
     wanted = [*(overrides or ()), f"sampler.segments_per_basis={count}"]
     lab = options.resolve(config, wanted, kind, seed=seed, url=url)
+    listener = None if lockstep else options.listen(lab)
     top = new_folder(directory, "demo", lab)
     runs = count * len(lab.sampler.basis_inputs)
     if not lockstep:
         minutes = runs * SECONDS_PER_SEGMENT / 60.0
         err.print(f"{lab.robot.kind} robot, {runs} segments in real time: about {minutes:.0f} min")
     session = new_folder(top.path / "calibration", "calibration", lab)
-    calibration = record(lab, session, lockstep=lockstep)
+    calibration = record(lab, session, listener)
     show_session(session, calibration)
     model = learn(session.path, top.path / "model.npz")
     run = new_folder(top.path / "park", "park", lab)
     start = options.pose_of(STARTS[lab.robot.kind])
-    result = drive(lab, run, model, start, options.pose_of((0.0, 0.0, 0.0)), lockstep=lockstep)
+    result = drive(lab, run, model, start, options.pose_of((0.0, 0.0, 0.0)), listener)
     show_park(run, result)
     passed = _verdict(result)
     top.write_summary(

@@ -7,13 +7,16 @@ import os
 from collections.abc import Sequence
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from koopman_lab.config.load import load_config
 from koopman_lab.config.schema import LabConfig, RobotKind
 from koopman_lab.geometry import Pose, wrap_angle
+
+if TYPE_CHECKING:
+    from koopman_lab.bus.realtime import Listener
 
 
 class RobotName(str, Enum):
@@ -86,6 +89,19 @@ def resolve(
         bus_url=os.environ.get("LCM_DEFAULT_URL"),
         overrides=wanted,
     )
+
+
+def listen(config: LabConfig) -> Listener:
+    """Open the bus, before a command leaves any trace on the disk.
+
+    Raises
+    ------
+    BusError
+        If it cannot be opened.
+    """
+    from koopman_lab.bus.realtime import Listener
+
+    return Listener(config)
 
 
 def kind_of(robot: RobotName | None) -> RobotKind | None:

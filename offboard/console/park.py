@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +13,9 @@ from koopman_lab.geometry import Pose
 from offboard.console import options
 from offboard.console.folder import RunFolder, new_folder
 from offboard.console.terminal import err, progress
+
+if TYPE_CHECKING:
+    from koopman_lab.bus.realtime import Listener
 
 STARTS = {"kinematic": (0.0, 0.5, 0.0), "dynamic": (-1.1, -0.53, -42.68)}
 """m, m, degrees: the paper's lab runs, sections 4 and 5.4."""
@@ -61,11 +63,11 @@ def park(
         kind = loaded.robot_kind
     lab = options.resolve(config, wanted, kind, preset, seed, url)
     loaded.require_robot(lab.robot.kind)
+    listener = None if lockstep else options.listen(lab)
     folder = new_folder(out, "park", lab)
     typed = start if start is not None else STARTS[lab.robot.kind]
-    summary = drive(
-        lab, folder, model, options.pose_of(typed), options.pose_of(goal), lockstep=lockstep
-    )
+    poses = options.pose_of(typed), options.pose_of(goal)
+    summary = drive(lab, folder, model, *poses, listener)
     show(folder, summary)
     if not summary["parked"]:
         raise typer.Exit(1)
@@ -77,10 +79,22 @@ def drive(
     model: Path,
     start: Pose,
     goal: Pose,
-    *,
-    lockstep: bool,
+    listener: Listener | None,
 ) -> dict[str, Any]:
     """Park once and return the summary; a run that is interrupted keeps its log.
+
+    Parameters
+    ----------
+    config
+        The lab.
+    folder
+        Takes the files.
+    model
+        The model file.
+    start, goal
+        Poses in the inertial frame.
+    listener
+        This process's ear on the bus; None for lockstep.
 
     Raises
     ------
@@ -90,14 +104,13 @@ def drive(
     from koopman_lab.bus.channels import MOCAP_POSE
     from koopman_lab.data.decode import SessionLog
     from offboard.console.outcome import write_park
+    from offboard.console.session import keeping_the_log
 
-    run = _in_lockstep if lockstep else _in_real_time
-    try:
-        facts = run(config, folder, model, start, goal)
-    except KeyboardInterrupt:
-        if folder.log.exists():
-            err.print(f"interrupted; what was recorded is in {folder.log}")
-        raise typer.Exit(130) from None
+    with keeping_the_log(folder):
+        if listener is None:
+            facts = _in_lockstep(config, folder, model, start, goal)
+        else:
+            facts = _in_real_time(config, folder, model, start, goal, listener)
     mocap = SessionLog(folder.log).channels[MOCAP_POSE.name(config.robot.name)]
     return write_park(folder, config, facts, goal, mocap.lost)
 
@@ -138,29 +151,37 @@ def _in_lockstep(
 
 
 def _in_real_time(
-    config: LabConfig, folder: RunFolder, model: Path, start: Pose, goal: Pose
+    config: LabConfig,
+    folder: RunFolder,
+    model: Path,
+    start: Pose,
+    goal: Pose,
+    listener: Listener,
 ) -> dict[str, Any]:
-    from koopman_lab.bus.realtime import Listener
     from offboard.console.place import place
-    from offboard.console.supervisor import start_lab, supervised
+    from offboard.console.session import in_real_time
 
-    result = folder.path / "processes" / "controller.json"
-    listener = Listener(config)
-    with supervised(config, folder, listener) as lab, progress("parking") as report:
-        present = lab.present()
-        started = ["plant", "onboard"] if start_lab(lab, present) else []
-        lab.start("logger", "--folder", folder.path)
-        lab.wait_ready(*started, "logger")
-        place(listener, config, start, by_hand="plant" not in present and not started)
-        degrees = map(str, (goal.x1, goal.x2, math.degrees(goal.theta)))
-        lab.start("controller", "--model", model.absolute(), "--goal", *degrees, "--result", result)
-        begun_us, limit_s = listener.now_us(), config.controller.time_limit_s
-        while not lab.ended("controller"):
-            listener.spin(0.2)
-            lab.check()
-            elapsed_s = (listener.now_us() - begun_us) * 1e-6
-            report(min(round(elapsed_s), limit_s), limit_s, "s at most")
-        lab.check()
-    facts: dict[str, Any] = json.loads(result.read_text())
-    result.unlink()
-    return facts
+    limit_s = config.controller.time_limit_s
+    degrees = map(str, (goal.x1, goal.x2, math.degrees(goal.theta)))
+    begun_us: list[int] = []
+
+    def prepare(there: set[str]) -> None:
+        place(listener, config, start, by_hand="onboard" in there and "plant" not in there)
+        begun_us.append(listener.now_us())
+
+    with progress("parking") as report:
+
+        def watch() -> None:
+            elapsed_s = round((listener.now_us() - begun_us[0]) * 1e-6)
+            report(min(elapsed_s, limit_s), limit_s, "s at most")
+
+        return in_real_time(
+            config,
+            folder,
+            listener,
+            "controller",
+            *("--model", model.absolute()),
+            *("--goal", *degrees),
+            prepare=prepare,
+            watch=watch,
+        )

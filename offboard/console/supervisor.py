@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 
@@ -29,6 +29,21 @@ READY_LIMIT_S = 30.0
 LISTEN_S = 1.2
 """More than two heartbeats, to know who is there already."""
 TAIL_LINES = 12
+
+
+def present(listener: Listener) -> set[str]:
+    """Listen for a moment and return the nodes of this robot that speak on the bus."""
+    heard: dict[str, int] = {}
+    for name, channel in HEARTBEATS.items():
+        listener.subscribe(channel, _note(name, heard))
+    # What waited in the queue may be from processes that have ended since.
+    while listener.spin(0.0):
+        pass
+    heard.clear()
+    end_s = time.monotonic() + LISTEN_S
+    while (left_s := end_s - time.monotonic()) > 0:
+        listener.spin(left_s)
+    return set(heard)
 
 
 class Supervisor:
@@ -56,15 +71,7 @@ class Supervisor:
         self._heard: dict[str, int] = {}
         self._lifeline_read, self._lifeline_write = os.pipe()
         for name, channel in HEARTBEATS.items():
-            listener.subscribe(channel, self._note(name))
-
-    def present(self) -> set[str]:
-        """Listen for a moment and return the nodes of this robot that speak on the bus."""
-        self._heard.clear()
-        end_s = time.monotonic() + LISTEN_S
-        while (left_s := end_s - time.monotonic()) > 0:
-            self._listener.spin(left_s)
-        return set(self._heard)
+            listener.subscribe(channel, _note(name, self._heard))
 
     def start(self, name: str, *arguments: str | Path) -> None:
         """Start a node; its standard output and error go to its file in the run folder."""
@@ -134,12 +141,6 @@ class Supervisor:
         os.close(self._lifeline_write)
         os.close(self._lifeline_read)
 
-    def _note(self, name: str) -> Callable[[lcmtypes.node_status_t], None]:
-        def note(status: lcmtypes.node_status_t) -> None:
-            self._heard[name] = status.pid
-
-        return note
-
 
 @contextlib.contextmanager
 def supervised(config: LabConfig, folder: RunFolder, listener: Listener) -> Iterator[Supervisor]:
@@ -159,13 +160,28 @@ def supervised(config: LabConfig, folder: RunFolder, listener: Listener) -> Iter
         signal.signal(signal.SIGTERM, before)
 
 
-def start_lab(supervisor: Supervisor, present: Sequence[str] | set[str]) -> bool:
-    """Start plant and onboard loop unless a robot is there; return whether they were started."""
-    if "onboard" in present:
-        return False
-    supervisor.start("plant")
-    supervisor.start("onboard")
-    return True
+def start_missing(supervisor: Supervisor, there: set[str], folder: RunFolder) -> None:
+    """Start the logger, and plant and onboard loop unless a robot is there; wait until ready.
+
+    Raises
+    ------
+    LabStateError
+        If one does not start.
+    """
+    names = ["logger"] if "onboard" in there else ["logger", "plant", "onboard"]
+    supervisor.start("logger", "--folder", folder.path)
+    for name in names[1:]:
+        supervisor.start(name)
+    supervisor.wait_ready(*names)
+
+
+def _note(name: str, heard: dict[str, int]) -> Callable[[lcmtypes.node_status_t], None]:
+    """Return a handler that keeps the process id of who speaks as ``name``."""
+
+    def note(status: lcmtypes.node_status_t) -> None:
+        heard[name] = status.pid
+
+    return note
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

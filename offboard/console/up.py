@@ -22,26 +22,21 @@ def up(
 
     Example: klab up --robot kinematic
     """
-    from koopman_lab.bus.realtime import Listener
     from koopman_lab.errors import LabStateError
-    from offboard.console.supervisor import supervised
+    from offboard.console.supervisor import present, start_missing, supervised
 
     lab_config = options.resolve(config, overrides, options.kind_of(robot), preset, seed, url)
+    listener = options.listen(lab_config)
+    there = present(listener) & {"plant", "onboard"}
+    if there:
+        raise LabStateError(
+            f"{', '.join(sorted(there))} of {lab_config.robot.name} already on "
+            f"{lab_config.bus.url}; stop that lab, or take another name with --set robot.name=R2"
+        )
     folder = new_folder(out, "up", lab_config)
-    listener = Listener(lab_config)
     try:
         with supervised(lab_config, folder, listener) as lab:
-            present = lab.present() & {"plant", "onboard"}
-            if present:
-                raise LabStateError(
-                    f"{', '.join(sorted(present))} of {lab_config.robot.name} already run on "
-                    f"{lab_config.bus.url}; stop them, or take another name with "
-                    "--set robot.name=R2"
-                )
-            lab.start("logger", "--folder", folder.path)
-            lab.start("plant")
-            lab.start("onboard")
-            lab.wait_ready("plant", "onboard", "logger")
+            start_missing(lab, set(), folder)
             name, kind = lab_config.robot.name, lab_config.robot.kind
             err.print(f"{name} ({kind}) is up on {lab_config.bus.url}; log: {folder.log}")
             err.print("Ctrl-C ends it; `klab calibrate` and `klab park` in another terminal use it")

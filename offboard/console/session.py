@@ -1,0 +1,77 @@
+"""What calibration and parking share: a node that commands the robot, and everybody around it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from koopman_lab.bus.realtime import Listener
+from koopman_lab.config.schema import LabConfig
+from offboard.console.folder import RunFolder
+from offboard.console.supervisor import present, start_missing, supervised
+from offboard.console.terminal import err
+
+INTERRUPTED = 130
+
+
+@contextlib.contextmanager
+def keeping_the_log(folder: RunFolder) -> Iterator[None]:
+    """End the command after Ctrl-C inside the block; what was recorded stays, and is named."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if folder.log.exists():
+            err.print(f"interrupted; what was recorded is in {folder.log}")
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def in_real_time(
+    config: LabConfig,
+    folder: RunFolder,
+    listener: Listener,
+    commander: str,
+    *arguments: str | Path,
+    prepare: Callable[[set[str]], None] | None = None,
+    watch: Callable[[], None] | None = None,
+) -> dict[str, Any]:
+    """Run a commanding node to its end and return the result that it wrote.
+
+    Parameters
+    ----------
+    config, folder, listener
+        Of this run.
+    commander
+        Name of the node: sampler or controller.
+    *arguments
+        For its `klab run` command.
+    prepare
+        Called when the others are ready, with the nodes that were there before.
+    watch
+        Called several times a second while the node runs.
+
+    Raises
+    ------
+    LabStateError
+        If a process dies or does not start.
+    """
+    result = folder.path / "processes" / f"{commander}.json"
+    there = present(listener)
+    with supervised(config, folder, listener) as lab:
+        start_missing(lab, there, folder)
+        if prepare is not None:
+            prepare(there)
+        lab.start(commander, *arguments, "--result", result)
+        while not lab.ended(commander):
+            listener.spin(0.2)
+            lab.check()
+            if watch is not None:
+                watch()
+        lab.check()
+    facts: dict[str, Any] = json.loads(result.read_text())
+    result.unlink()
+    return facts

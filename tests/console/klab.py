@@ -1,0 +1,63 @@
+"""Runs the ``klab`` command as a person does, in processes of its own."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+KLAB = [sys.executable, "-m", "offboard.console.main"]
+LIMIT_S = 150.0
+
+SMALL_AREA = [
+    *("--set", "sampler.draw_set.x1_m=[0.4, 0.8]"),
+    *("--set", "sampler.draw_set.x2_m=[-0.2, 0.2]"),
+    *("--set", "sampler.largest_steps=30"),
+]
+"""Short drives, for sessions in real time."""
+
+
+def klab(*arguments: str | Path, **kwargs) -> subprocess.CompletedProcess[str]:
+    """Run to the end and return what it said."""
+    command = [*KLAB, *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, check=False, timeout=LIMIT_S, **kwargs
+    )
+
+
+def klab_ok(*arguments: str | Path) -> str:
+    """Run to the end, expect success, return standard output."""
+    done = klab(*arguments)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def klab_json(*arguments: str | Path):
+    """Run with ``--json`` and return what it printed."""
+    return json.loads(klab_ok(*arguments, "--json"))
+
+
+def start_klab(*arguments: str | Path) -> subprocess.Popen[str]:
+    """Start in the background, with signals as a terminal leaves them."""
+    return subprocess.Popen(
+        [*KLAB, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+
+
+def alive(pid: int) -> bool:
+    """Return whether a process exists and is no zombie."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return False
+    return state != "Z"
+
+
+def environment(**changes: str) -> dict[str, str]:
+    """Return this process's environment with changes."""
+    return os.environ | changes

@@ -1,0 +1,133 @@
+"""Expected mistakes: one message that names what and where, exit code 2, nothing half-written."""
+
+import pytest
+from klab import environment, klab, klab_ok
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Make a session with too few samples, one that is complete, its model, and bad files."""
+    folder = tmp_path_factory.mktemp("runs")
+    short = ("calibrate", "--lockstep", "--segments", "1", "--out", folder / "short")
+    assert klab(*short).returncode == 0
+    klab_ok("calibrate", "--lockstep", "--out", folder / "good")
+    klab_ok("train", folder / "good", "--out", folder / "model.npz")
+    whole = (folder / "good" / "session.lcm").read_bytes()
+    (folder / "cut.lcm").write_bytes(whole[: len(whole) * 9 // 10])
+    (folder / "text.lcm").write_text("not a log\n" * 100)
+    (folder / "lab.yaml").write_text("controller:\n  horizont: 40\n")
+    (folder / "range.yaml").write_text("controller:\n  horizon: -3\n")
+    (folder / "broken.npz").write_bytes((folder / "model.npz").read_bytes()[:200])
+    return folder
+
+
+CASES = {
+    "misspelt key": (
+        ("calibrate", "--lockstep", "--config", "{runs}/lab.yaml"),
+        ("lab.yaml:2", "controller.horizont", "did you mean controller.horizon?"),
+    ),
+    "out of range": (
+        ("calibrate", "--lockstep", "--config", "{runs}/range.yaml"),
+        ("range.yaml:2", "controller.horizon", "found -3"),
+    ),
+    "override": (
+        ("park", "--model", "{runs}/model.npz", "--lockstep", "--set", "controller.cost=xx"),
+        ("--set controller.cost=xx", "controller.cost", "'me'"),
+    ),
+    "cost": (
+        ("park", "--model", "{runs}/model.npz", "--lockstep", "--cost", "nothing"),
+        ("controller.cost", "found 'nothing'"),
+    ),
+    "missing log": (
+        ("train", "{runs}/none.lcm"),
+        ("none.lcm", "no such"),
+    ),
+    "truncated log": (
+        ("train", "{runs}/cut.lcm", "--out", "{out}"),
+        ("cut.lcm", "byte", "--salvage"),
+    ),
+    "truncated log info": (
+        ("log", "info", "{runs}/cut.lcm"),
+        ("cut.lcm", "byte", "--salvage"),
+    ),
+    "no log at all": (
+        ("log", "info", "{runs}/text.lcm"),
+        ("text.lcm",),
+    ),
+    "unknown channel": (
+        ("log", "info", "{runs}/good", "--channel", "R1_MOCAP"),
+        ("R1_MOCAP", "R1_MOCAP_POSE"),
+    ),
+    "unknown channel in the configuration": (
+        ("calibrate", "--lockstep", "--set", "bus.links={{MOCAP: {{loss: 0.1}}}}"),
+        ("'MOCAP'", "MOCAP_POSE"),
+    ),
+    "model of the other robot": (
+        ("park", "--model", "{runs}/model.npz", "--robot", "dynamic", "--lockstep"),
+        ("kinematic robot", "--robot kinematic"),
+    ),
+    "damaged model": (
+        ("park", "--model", "{runs}/broken.npz", "--lockstep"),
+        ("broken.npz", "klab train"),
+    ),
+    "missing model": (
+        ("park", "--model", "{runs}/none.npz", "--lockstep"),
+        ("none.npz", "klab train"),
+    ),
+    "too few samples": (
+        ("train", "{runs}/short", "--out", "{out}"),
+        ("span only", "of the 5 observables", "--segments"),
+    ),
+    "dictionary of the other robot": (
+        ("train", "{runs}/good", "--dictionary", "D8Eul", "--out", "{out}"),
+        ("'D8Eul'", "D5t"),
+    ),
+    "folder in use": (
+        ("calibrate", "--lockstep", "--out", "{runs}/good"),
+        ("runs", "--out"),
+    ),
+    "a bus that is none": (
+        ("calibrate", "--url", "nonsense://", "--out", "{out}"),
+        ("nonsense://", "ip route add"),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_one_clear_message(case, runs, tmp_path):
+    arguments, said = CASES[case]
+    out = tmp_path / "out"
+    done = klab(*(a.format(runs=runs, out=out) for a in arguments), cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr + done.stdout
+    for words in said:
+        assert words in done.stderr
+    assert done.stderr.count("klab: ") == 1
+    if case != "a bus that is none":
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_doctor_says_how_to_mend_a_bus_that_cannot_be_opened():
+    done = klab(
+        "doctor", "--bus-only", env=environment(LCM_DEFAULT_URL="udpm://nowhere.invalid:7667")
+    )
+    assert done.returncode == 2
+    assert "ip route add 224.0.0.0/4 dev lo" in done.stdout
+
+
+def test_a_salvaged_log_trains(runs, tmp_path):
+    klab_ok("train", runs / "cut.lcm", "--salvage", "--out", tmp_path / "m.npz")
+
+
+def test_doctor_is_content_here():
+    assert "MISSING" not in klab_ok("doctor")
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["demo", "up", "calibrate", "train", "park", "doctor", "log info"]
+    + [f"run {node}" for node in ("plant", "onboard", "logger", "sampler", "controller")],
+)
+def test_help_shows_a_worked_example(command):
+    printed = " ".join(klab_ok(*command.split(), "--help").split())
+    assert f"Example: klab {command}" in printed

@@ -1,0 +1,208 @@
+"""The whole system over real UDP: processes, signals, the wheel's own LCM tools."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import lcm
+import pytest
+from klab import KLAB, SMALL_AREA, alive, klab, klab_ok, start_klab
+
+from koopman_lab.bus.channels import HEARTBEATS, ONBOARD_STATUS
+from koopman_lab.bus.realtime import Listener
+from koopman_lab.config.load import load_config
+from koopman_lab.data.eventlog import read_events
+
+STANDING = ("plant", "onboard", "logger")
+MOST_WAITS = 600
+WAIT_S = 0.05
+
+
+def tool(name: str) -> str:
+    """Return the binary of an LCM tool; the wheel's wrapper scripts swallow signals."""
+    return str(Path(lcm.LCM_BIN_DIR) / name)
+
+
+def other(url: str) -> str:
+    """Return another bus than ``url``."""
+    return url.replace("239.255.76.67", "239.255.76.68")
+
+
+def config(url: str):
+    return load_config(overrides=[f"bus.url={url}"])
+
+
+class Ear:
+    """Hears who is alive."""
+
+    def __init__(self, url):
+        self.listener = Listener(config(url))
+        self.pids = {}
+        self.status = None
+        for name, channel in HEARTBEATS.items():
+            self.listener.subscribe(channel, lambda m, name=name: self.pids.update({name: m.pid}))
+        self.listener.subscribe(ONBOARD_STATUS, lambda m: setattr(self, "status", m))
+
+    def wait(self, condition):
+        silent = 0
+        while not condition():
+            silent += not self.listener.spin(WAIT_S)
+            assert silent < MOST_WAITS, "did not happen in time"
+
+    def wait_for(self, *names):
+        self.wait(lambda: all(name in self.pids for name in names))
+        return {name: self.pids[name] for name in names}
+
+    def wait_until_gone(self, pids):
+        for _ in range(MOST_WAITS):
+            if not any(alive(pid) for pid in pids.values()):
+                return
+            # Nobody speaks any more: this waits without being an arbitrary sleep.
+            self.listener.spin(WAIT_S)
+        pytest.fail(f"still there: {[n for n, pid in pids.items() if alive(pid)]}")
+
+
+@pytest.fixture
+def ear(bus_url):
+    return Ear(bus_url)
+
+
+@pytest.fixture
+def up(ear, tmp_path):
+    """Start `klab up`; yield it and its children's process ids."""
+    process = start_klab("up", "--out", tmp_path / "up")
+    yield process, ear.wait_for(*STANDING)
+    process.kill()
+    process.wait()
+    process.stdout.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_no_process_outlives_the_supervisor(up, ear, number):
+    process, pids = up
+    process.send_signal(number)
+    code = process.wait(timeout=30)
+    assert code == (-signal.SIGKILL if number is signal.SIGKILL else 130)
+    ear.wait_until_gone(pids)
+
+
+@pytest.mark.parametrize("victim", STANDING)
+def test_a_process_that_dies_is_named_and_the_others_stop(up, ear, victim, tmp_path):
+    process, pids = up
+    os.kill(pids[victim], signal.SIGKILL)
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert f"{victim} died (signal SIGKILL)" in said
+    assert str(tmp_path / "up" / "processes" / f"{victim}.log") in said
+    ear.wait_until_gone(pids)
+
+
+@pytest.mark.usefixtures("up")
+def test_a_second_lab_on_the_same_bus_is_refused(tmp_path):
+    done = klab("up", "--out", tmp_path / "second")
+    assert done.returncode == 2
+    assert "onboard, plant of R1 already on" in done.stderr
+    assert not (tmp_path / "second").exists()
+
+
+def test_interrupting_a_session_half_way_keeps_its_log_and_stops_the_robot(ear, tmp_path):
+    out = tmp_path / "calibration"
+    process = start_klab("calibrate", "--out", out, *SMALL_AREA)
+    pids = ear.wait_for(*STANDING, "sampler")
+    ear.wait(lambda: ear.status is not None and abs(ear.status.v_setpoint_m_per_s) > 0.1)
+    process.send_signal(signal.SIGINT)
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert str(out / "session.lcm") in said
+    ear.wait_until_gone(pids)
+    assert sum(1 for _ in read_events(out / "session.lcm")) > 1000
+    assert not (out / "summary.json").exists()
+
+
+def recorded(path: Path) -> dict[str, list[bytes]]:
+    channels: dict[str, list[bytes]] = {}
+    for event in read_events(path):
+        channels.setdefault(event.channel, []).append(event.data)
+    return channels
+
+
+def holds_run(long: list[bytes], short: list[bytes]) -> bool:
+    """Return whether ``short`` stands in ``long`` without a gap."""
+    return any(
+        long[i : i + len(short)] == short for i, first in enumerate(long) if first == short[0]
+    )
+
+
+def test_session_beside_lcm_logger_replayed_by_lcm_logplayer(bus_url, tmp_path):
+    """Both loggers record the same, and a replayed log trains the same model to the last bit."""
+    theirs, ours = tmp_path / "theirs.lcm", tmp_path / "session" / "session.lcm"
+    peer = subprocess.Popen(
+        [tool("lcm-logger"), f"--lcm-url={bus_url}", "--quiet", str(theirs)],
+        stdout=subprocess.DEVNULL,
+    )
+    try:
+        klab_ok("calibrate", "--segments", "3", "--out", ours.parent, *SMALL_AREA)
+    finally:
+        peer.terminate()
+        assert peer.wait(timeout=10) == 0
+    summary = json.loads((ours.parent / "summary.json").read_text())
+    assert summary["complete"]
+    assert summary["messages_lost"] == 0
+    mine, peers = recorded(ours), recorded(theirs)
+    # LCM sends this one by itself, whenever somebody opens the bus.
+    peers.pop("LCM_SELF_TEST", None)
+    assert mine.keys() == peers.keys()
+    for channel, messages in mine.items():
+        assert holds_run(peers[channel], messages), channel
+
+    replay_url = other(bus_url)
+    logger = subprocess.Popen(
+        [*KLAB, "run", "logger", "--url", replay_url, "--out", str(tmp_path / "replay")]
+    )
+    replay_ear = Ear(replay_url)
+    replay_ear.wait_for("logger")
+    subprocess.run(
+        [tool("lcm-logplayer"), f"--lcm-url={replay_url}", "--speed=4", str(ours)],
+        check=True,
+        stdout=subprocess.DEVNULL,
+    )
+    last = peers["R1_SAMPLER_STATE"][-1]
+    replayed = tmp_path / "replay" / "session.lcm"
+    replay_ear.wait(lambda: last in recorded(replayed).get("R1_SAMPLER_STATE", []))
+    logger.send_signal(signal.SIGINT)
+    assert logger.wait(timeout=10) == 0
+    for name, folder in (("a", ours.parent), ("b", replayed.parent)):
+        klab_ok("train", folder, "--out", tmp_path / f"{name}.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_parking_on_a_lab_that_is_up(up, ear, tmp_path):
+    """`klab park` uses the processes that run already and leaves them running."""
+    del up
+    session, model, out = tmp_path / "session", tmp_path / "model.npz", tmp_path / "park"
+    klab_ok("calibrate", "--lockstep", "--out", session)
+    klab_ok("train", session, "--out", model)
+    ear.pids.clear()
+    klab_ok("park", "--model", model, "--start", "-0.4", "0.1", "20", "--out", out)
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["parked"]
+    assert summary["mocap_messages_lost"] == 0
+    assert len(summary["final_pose"]) == 3
+    assert not (out / "processes" / "plant.log").exists()
+    pids = dict(ear.pids)
+    ear.pids.clear()
+    assert ear.wait_for("plant", "onboard").items() <= (ear.pids | pids).items()
+
+
+def test_a_missing_session_names_the_command_that_makes_one(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "offboard.console.main", "train", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "session.lcm" in done.stderr
