@@ -94,7 +94,9 @@ def test_parallel_parking_does_not_stay_at_the_stationary_point_of_no_input():
 
 
 def test_the_first_step_takes_the_best_of_its_starts():
-    horizon, solver = make("dynamic", "real")
+    # With cheap accelerations the starts end in different local minima.
+    weights = "controller.weights.me={q: [1.0, 5.0, 0.1, 0.1, 0.1], r: [0.01, 0.01]}"
+    horizon, solver = make("dynamic", "real", [weights])
     first = horizon.step(LAB_START)
     values = [plan.value for plan in solver.plans]
     assert first.plan.value == pytest.approx(min(values), rel=1e-6)
