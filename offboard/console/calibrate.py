@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import LabError
+from koopman_lab.errors import LabError, LabStateError
 from offboard.console import options
 from offboard.console.folder import RunFolder, new_folder
 from offboard.console.terminal import err, progress
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 LOCKSTEP_LIMIT_S = 100_000.0
 """Virtual time after which a session that never ends is given up."""
+START_LIMIT_S = 30.0
+"""Real time within which the sampler must begin."""
 
 
 def calibrate(
@@ -112,19 +114,38 @@ def _in_lockstep(config: LabConfig, folder: RunFolder) -> dict[str, Any]:
 
 def _in_real_time(config: LabConfig, folder: RunFolder, listener: Listener) -> dict[str, Any]:
     import lcmtypes
-    from koopman_lab.bus.channels import SAMPLER_STATE
+    from koopman_lab.bus.channels import MOCAP_POSE, ONBOARD_STATUS, SAMPLER_STATE
+    from koopman_lab.units import US_PER_S
     from offboard.console.session import in_real_time
 
     with progress("calibrating") as report:
+        began = False
+        first_us: int | None = None
 
         def show_state(state: lcmtypes.sampler_state_t) -> None:
+            nonlocal began
+            began = began or state.phase != lcmtypes.sampler_state_t.WAIT
             report(state.segments_done, state.segments_total, f"{state.samples} frames")
 
         listener.subscribe(SAMPLER_STATE, show_state)
-        return in_real_time(config, folder, listener, "sampler")
+
+        def watch() -> None:
+            nonlocal first_us
+            now_us = listener.now_us()
+            first_us = first_us or now_us
+            if not began and now_us - first_us > START_LIMIT_S * US_PER_S:
+                raise LabStateError(
+                    f"sampler: has not begun within {START_LIMIT_S:g} s; it waits for "
+                    f"{MOCAP_POSE.name(config.robot.name)} and "
+                    f"{ONBOARD_STATUS.name(config.robot.name)}; are the cameras and the onboard "
+                    "loop running?"
+                )
+
+        return in_real_time(config, folder, listener, "sampler", watch=watch)
 
 
 def _data(folder: RunFolder, *, complete: bool) -> dict[str, Any]:
+    from koopman_lab.bus.channels import split_name
     from koopman_lab.data.dataset import DataSet
     from koopman_lab.data.decode import SessionLog
 
@@ -138,5 +159,10 @@ def _data(folder: RunFolder, *, complete: bool) -> dict[str, Any]:
     return {
         "duration_s": log.duration_s,
         "samples": samples,
-        "messages_lost": sum(c.lost for c in log.channels.values()),
+        "messages_lost": sum(
+            # Beside the logger of `klab up` two number these channels, each on its own.
+            c.lost
+            for name, c in log.channels.items()
+            if split_name(name)[1].publisher != "logger"
+        ),
     }

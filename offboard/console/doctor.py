@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import filecmp
 import platform
 import shutil
+import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -89,15 +92,30 @@ def _types(lab: LabConfig) -> Iterator[Finding]:
     from koopman_lab.bus.channels import CHANNELS
 
     sources = sorted((Path(__file__).parents[2] / "lcmtypes").glob("*.lcm"))
-    missing = [s.stem for s in sources if not hasattr(lcmtypes, s.stem)]
+    differing = _differing(sources, Path(lcmtypes.__file__).parent)
     types = {c.type for c in CHANNELS}
     fingerprints = {t._get_packed_fingerprint() for t in types}
     yield Finding(
         "LCM types",
-        f"{len(types)} types, missing: {', '.join(missing) or 'none'}",
-        not missing and len(fingerprints) == len(types),
+        f"{len(types)} types, unlike their sources: {', '.join(differing) or 'none'}",
+        not differing and len(fingerprints) == len(types),
         remedy="install again: pip install -e '.[dev]'",
     )
+
+
+def _differing(sources: list[Path], installed: Path) -> list[str]:
+    """Return the types whose installed module is not what lcm-gen makes of the source."""
+    import lcm
+
+    if not sources:  # installed from a wheel: there is nothing to compare with
+        return []
+    with tempfile.TemporaryDirectory() as folder:
+        generator = Path(lcm.LCM_BIN_DIR) / "lcm-gen"
+        subprocess.run([generator, "--python", "--ppath", folder, *sources], check=True)
+        fresh = Path(folder) / "lcmtypes"
+        names = [f"{source.stem}.py" for source in sources]
+        _, mismatch, absent = filecmp.cmpfiles(fresh, installed, names, shallow=False)
+    return sorted(Path(name).stem for name in (*mismatch, *absent))
 
 
 def _bus(lab: LabConfig) -> Iterator[Finding]:
@@ -144,4 +162,10 @@ def _receive_buffer(lab: LabConfig) -> Iterator[Finding]:
 def _compiler(lab: LabConfig) -> Iterator[Finding]:
     del lab
     found = next((c for c in ("cc", "gcc", "clang") if shutil.which(c)), None)
-    yield Finding("C compiler", found or "none", found is not None, needed=False)
+    yield Finding(
+        "C compiler",
+        found or "none",
+        found is not None,
+        needed=False,
+        remedy="sudo apt install gcc",
+    )

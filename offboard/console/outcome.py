@@ -14,11 +14,13 @@ from koopman_lab.geometry import Pose
 from offboard.console.folder import RunFolder
 from offboard.controller.node import ControllerNode
 
+TRAJECTORY = "trajectory.csv"
+
 COLUMNS = (
     *("time_s", "x1_m", "x2_m", "theta_rad", "v_m_per_s", "omega_rad_per_s"),
     *("u1", "u2", "value"),
 )
-"""Of ``trajectory.csv``: the state relative to the goal, the input, the value function."""
+"""Of the trajectory's file: the state relative to the goal, the input, the value function."""
 
 
 def outcome_facts(node: ControllerNode, missed_deadlines: int) -> dict[str, Any]:
@@ -49,7 +51,7 @@ def write_park(
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(COLUMNS)
     writer.writerows(rows)
-    write_text(folder.path / "trajectory.csv", table.getvalue())
+    write_text(folder.path / TRAJECTORY, table.getvalue())
     if rows:
         values = np.array(rows)
         draw_path(folder.path / "path", values[:, 0], values[:, 1:4], values[:, -1])
@@ -67,6 +69,7 @@ def write_park(
         "solve_ms": {"p50": p50, "p99": p99, "max": largest},
         "missed_deadlines": facts["missed_deadlines"],
         "mocap_messages_lost": mocap_lost,
+        "trajectory": TRAJECTORY,
     }
     folder.write_summary(config, summary)
     return summary

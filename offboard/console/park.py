@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import LabStateError
 from koopman_lab.geometry import Pose
 from offboard.console import options
 from offboard.console.folder import RunFolder, new_folder
@@ -21,6 +22,8 @@ STARTS = {"kinematic": (0.0, 0.5, 0.0), "dynamic": (-1.1, -0.53, -42.68)}
 """m, m, degrees: the paper's lab runs, sections 4 and 5.4."""
 AFTER_LIMIT_S = 10.0
 """Time beyond the controller's own limit for waiting and braking."""
+START_LIMIT_S = 30.0
+"""In real time the controller's process starts inside this time as well."""
 
 
 def park(
@@ -53,6 +56,8 @@ def park(
     Example: klab park --model runs/model.npz --start -1.1 -0.53 -42.68 --lockstep
     """
     from koopman_lab.koopman.model import BilinearModel
+    from koopman_lab.mpc.prediction import KoopmanPrediction
+    from koopman_lab.mpc.receding_horizon import receding_horizon
 
     loaded = BilinearModel.load(model)
     wanted = list(overrides or ())
@@ -63,6 +68,8 @@ def park(
         kind = loaded.robot_kind
     lab = options.resolve(config, wanted, kind, preset, seed, url)
     loaded.require_robot(lab.robot.kind)
+    # Made once for what it refuses, before anything is started or written.
+    receding_horizon(KoopmanPrediction(loaded), lab)
     listener = None if lockstep else options.listen(lab)
     folder = new_folder(out, "park", lab)
     typed = start if start is not None else STARTS[lab.robot.kind]
@@ -173,6 +180,11 @@ def _in_real_time(
 
         def watch() -> None:
             elapsed_s = round((listener.now_us() - begun_us[0]) * 1e-6)
+            if elapsed_s > limit_s + AFTER_LIMIT_S + START_LIMIT_S:
+                raise LabStateError(
+                    f"controller: still waits after {elapsed_s} s; it needs camera frames, wheel "
+                    "odometry, a logger, and an onboard loop without emergency stop"
+                )
             report(min(elapsed_s, limit_s), limit_s, "s at most")
 
         return in_real_time(

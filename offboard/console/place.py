@@ -10,6 +10,7 @@ from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry import Pose, relative_to
+from koopman_lab.units import US_PER_S
 
 TRIES = 20
 FRAMES_PER_TRY = 60
@@ -41,8 +42,14 @@ def place(listener: Listener, config: LabConfig, start: Pose, *, by_hand: bool) 
         if not by_hand:
             listener.publish(PLANT_RESET, reset_message(start, asked_us))
         seen.clear()
+        heard, heard_us = 0, asked_us
         while len(seen) < FRAMES_PER_TRY:
-            if not listener.spin(SILENT_S):
+            listener.spin(SILENT_S / 4.0)
+            now_us = listener.now_us()
+            if len(seen) > heard:
+                heard, heard_us = len(seen), now_us
+            # Heartbeats go on when the cameras do not, so it is their silence that counts.
+            elif now_us - heard_us > SILENT_S * US_PER_S:
                 raise LabStateError(
                     f"{MOCAP_POSE.name(config.robot.name)}: silent; are the cameras running?"
                 )

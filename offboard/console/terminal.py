@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Protocol
 
 from rich.console import Console
@@ -50,6 +50,16 @@ def _bar(what: str) -> Iterator[Report]:
             bar.update(task, completed=done, total=total, note=note)
 
         yield report
+
+
+@contextlib.contextmanager
+def status_line() -> Iterator[Callable[[str], None]]:
+    """Give a function that shows a line in place of the last one; silent without a terminal."""
+    if err.is_terminal:
+        with err.status("") as line:
+            yield line.update
+    else:
+        yield lambda _: None
 
 
 class _Lines:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from koopman_lab.errors import ModelError
 from offboard.console import options
 from offboard.console.terminal import err, out
 
@@ -70,7 +71,12 @@ def learn(
     dataset = DataSet.from_log(log, dt_s=dt_s, window=window)
     learned, report = fit(dataset, name)
     path = model if model is not None else log.path.with_name("model.npz")
-    learned.save(path)
+    try:
+        learned.save(path)
+    except OSError as error:
+        raise ModelError(
+            f"{path}: cannot be written ({error.strerror}); choose another file with --out"
+        ) from None
     if log.damage:
         skipped = sum(d.size for d in log.damage)
         err.print(f"{log.path}: {skipped} damaged bytes passed over")

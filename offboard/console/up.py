@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import typer
 
 from offboard.console import options
 from offboard.console.folder import new_folder
-from offboard.console.terminal import err
+from offboard.console.terminal import err, status_line
+
+if TYPE_CHECKING:
+    from koopman_lab.bus.realtime import Listener
+    from offboard.console.supervisor import Supervisor
+
+STATES = ("at rest", "driving", "stopped by the watchdog", "EMERGENCY STOP")
+"""By the numbers of ``onboard_status_t``."""
 
 
 def up(
@@ -40,9 +51,28 @@ def up(
             name, kind = lab_config.robot.name, lab_config.robot.kind
             err.print(f"{name} ({kind}) is up on {lab_config.bus.url}; log: {folder.log}")
             err.print("Ctrl-C ends it; `klab calibrate` and `klab park` in another terminal use it")
-            while True:
-                listener.spin(0.2)
-                lab.check()
+            with status_line() as show:
+                _follow(listener, lab, show)
     except KeyboardInterrupt:
         err.print("stopped")
         raise typer.Exit(130) from None
+
+
+def _follow(listener: Listener, lab: Supervisor, show: Callable[[str], None]) -> None:
+    """Show how the lab is until it is interrupted or a process dies."""
+    import lcmtypes
+    from koopman_lab.bus.channels import LOGGER_STATUS, ONBOARD_STATUS
+
+    onboard: deque[lcmtypes.onboard_status_t] = deque(maxlen=1)
+    logger: deque[lcmtypes.logger_status_t] = deque(maxlen=1)
+    listener.subscribe(ONBOARD_STATUS, onboard.append)
+    listener.subscribe(LOGGER_STATUS, logger.append)
+    while True:
+        listener.spin(0.2)
+        lab.check()
+        if onboard and logger:
+            robot, log = onboard[0], logger[0]
+            show(
+                f"{STATES[robot.state]}, {robot.battery_v:.1f} V; {log.events} messages stored, "
+                f"{log.mocap_lost_messages} camera messages lost"
+            )

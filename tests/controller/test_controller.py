@@ -163,7 +163,7 @@ def test_a_frame_lost_on_the_way_changes_nothing_on_the_nominal_robot(robot):
 
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
 def test_tracking_lost_for_long_ends_the_drive(robot):
-    bench = Bench(robot, NEAR)
+    bench = Bench(robot, NEAR, ("controller.tracking_timeout_s=0.1",))
     bench.run(6)
     outputs = bench.run(tracked=False)
     states = [o.state for o in outputs]

@@ -1,0 +1,37 @@
+"""What the README tells a person to type exists, with these options."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import typer
+
+from offboard.console.main import app
+
+ROOT = Path(__file__).parents[2]
+BLOCKS = re.findall(r"^```bash\n(.*?)^```", (ROOT / "README.md").read_text(), re.M | re.S)
+LINES = [shlex.split(line, comments=True) for block in BLOCKS for line in block.splitlines()]
+KLAB = [line[1:] for line in LINES if line and line[0] == "klab"]
+SCRIPTS = [line[0] for line in LINES if line and line[0].startswith("./")]
+
+
+@pytest.mark.parametrize("arguments", KLAB, ids=" ".join)
+def test_each_klab_command_is_one(arguments):
+    """Parsed as the command line would be, but not run."""
+    command, rest = typer.main.get_command(app), list(arguments)
+    while hasattr(command, "commands"):
+        command = command.commands[rest.pop(0)]
+    command.make_context("klab", rest)
+
+
+@pytest.mark.parametrize("script", sorted(set(SCRIPTS)))
+def test_each_script_can_be_run(script):
+    assert (ROOT / script).stat().st_mode & 0o100
+
+
+def test_the_main_jobs_are_told():
+    commands = {line[0] for line in KLAB}
+    assert {"up", "run", "calibrate", "train", "park", "doctor", "log"} <= commands
+    assert {"./scripts/demo", "./scripts/test", "./scripts/check"} <= set(SCRIPTS)
+    assert any(line[:1] == ["lcm-logplayer"] for line in LINES)
