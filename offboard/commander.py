@@ -37,6 +37,15 @@ class Freshness:
         """Return the newest status of the motor loop, or None while it is silent."""
         return _young(self._onboard, now_us, ONBOARD_TIMEOUT_S)
 
+    def robot(self, commander: int, now_us: int) -> bool:
+        """Return whether the motor loop would take commands of this commander."""
+        status, kind = self.onboard(now_us), lcmtypes.onboard_status_t
+        return (
+            status is not None
+            and status.state not in (kind.ESTOP, kind.FAULT)
+            and status.commander in (0, commander)
+        )
+
     def logger(self, now_us: int) -> bool:
         """Return whether the logger is writing down what happens."""
         return _young(self._logger, now_us, LOGGER_TIMEOUT_S) is not None
@@ -59,23 +68,44 @@ def _young(message: channels.M | None, now_us: int, timeout_s: float) -> channel
 
 
 class Commands:
-    """Sends inputs as the message the robot's kind is driven with."""
+    """Sends inputs as the message the robot's kind is driven with.
+
+    As long as the motor loop does not say that this commander holds the robot, each command
+    offers to begin a sequence; that also takes the robot again after its watchdog has stopped it.
+    """
 
     def __init__(self, port: Port, config: LabConfig, commander: int) -> None:
         self._port = port
         self._commander = commander
         self._accelerates = config.robot.kind == "dynamic"
+        self._holds = False
+        port.subscribe(channels.ONBOARD_STATUS, self._on_onboard)
 
     def send(self, u: tuple[float, float], utime: int) -> None:
         """Send (v, omega) in m/s and rad/s, or (a, d_omega) in m/s^2 and rad/s^2."""
+        intent = lcmtypes.velocity_command_t.CONTINUE
+        if not self._holds:
+            intent = lcmtypes.velocity_command_t.BEGIN
+        self._send(u, utime, intent)
+
+    def release(self, utime: int) -> None:
+        """Bring the robot to rest and give it up."""
+        self._send((0.0, 0.0), utime, lcmtypes.velocity_command_t.RELEASE)
+
+    def _on_onboard(self, status: lcmtypes.onboard_status_t) -> None:
+        self._holds = status.commander == self._commander
+
+    def _send(self, u: tuple[float, float], utime: int, intent: int) -> None:
         if self._accelerates:
             acceleration = lcmtypes.acceleration_command_t()
             acceleration.utime, acceleration.commander = utime, self._commander
+            acceleration.intent = intent
             acceleration.a_m_per_s2, acceleration.d_omega_rad_per_s2 = u
             self._port.publish(channels.ACCELERATION_CMD, acceleration)
         else:
             velocity = lcmtypes.velocity_command_t()
             velocity.utime, velocity.commander = utime, self._commander
+            velocity.intent = intent
             velocity.v_m_per_s, velocity.omega_rad_per_s = u
             self._port.publish(channels.VELOCITY_CMD, velocity)
 

@@ -91,6 +91,16 @@ class VelocityLimits(Section):
     d_omega_rad_per_s2: Positive
 
 
+class Health(Section):
+    """When the motor loop finds the robot unfit to drive."""
+
+    battery_low_v: NotNegative
+    battery_s: NotNegative
+    encoder_timeout_s: Positive
+    stuck_duty: Share
+    stuck_s: Positive
+
+
 class MotorLoop(Section):
     """The onboard program."""
 
@@ -101,6 +111,7 @@ class MotorLoop(Section):
     watchdog_s: Positive
     command_lifetime_s: Positive
     encoder_counts_per_rev: Annotated[int, Field(ge=4)]
+    health: Health
     pid: Pid
     limits: VelocityLimits
 

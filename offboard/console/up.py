@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
     from offboard.console.supervisor import Supervisor
 
-STATES = ("at rest", "driving", "stopped by the watchdog", "EMERGENCY STOP")
+STATES = ("at rest", "driving", "stopped by the watchdog", "EMERGENCY STOP", "FAULT")
 """By the numbers of ``onboard_status_t``."""
 
 

@@ -18,6 +18,7 @@ from offboard.controller.controller import Controller, Inputs, State
 from offboard.controller.estimate import Frame, WheelSpeeds
 from offboard.controller.report import ParkOutcome, TrajectoryPoint, mpc_state
 
+CONTROLLER = lcmtypes.velocity_command_t.CONTROLLER
 ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
@@ -63,17 +64,16 @@ class ControllerNode:
         """Register channels and timers."""
         self._port = port
         self._alive = Freshness(port, self._config)
-        self._commands = Commands(port, self._config, lcmtypes.velocity_command_t.CONTROLLER)
+        self._commands = Commands(port, self._config, CONTROLLER)
         SessionInfo(port, self._config, "park")
         port.subscribe(channels.MOCAP_POSE, self._on_pose)
         port.subscribe(channels.WHEEL_STATE, self._on_wheels)
         port.every(1.0 / self._config.controller.dt_s, self._on_tick)
 
     def close(self) -> None:
-        """Send a last stop; the motor loop's watchdog does the rest."""
+        """Give the robot up; the motor loop brings it to rest."""
         if self._port is not None:
-            now_us = self._port.now_us()
-            self._commands.send(self.controller.stop_input(now_us), now_us)
+            self._commands.release(self._port.now_us())
 
     def outcome(self) -> ParkOutcome:
         """Return how the run ended, or where it stands."""
@@ -100,11 +100,10 @@ class ControllerNode:
         del tick_us
         assert self._port is not None  # by attach
         now_us, began_s = self._port.now_us(), time.perf_counter()
-        onboard = self._alive.onboard(now_us)
         seen = Inputs(
             tuple(self._frames),
             self._wheels,
-            onboard is not None and onboard.state != lcmtypes.onboard_status_t.ESTOP,
+            self._alive.robot(CONTROLLER, now_us),
             self._alive.logger(now_us),
         )
         self._frames.clear()

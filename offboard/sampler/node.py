@@ -15,6 +15,7 @@ from offboard.commander import Commands, Freshness, SessionInfo
 from offboard.sampler.plan import Planner
 from offboard.sampler.sampler import Action, Observation, Phase, Sampler
 
+SAMPLER = lcmtypes.velocity_command_t.SAMPLER
 FAREWELLS = 4
 """The last state is sent this often, so that losing one message loses nothing."""
 
@@ -34,13 +35,14 @@ class SamplerNode:
         """Register channels and timers."""
         self._port = port
         self._alive = Freshness(port, self._config)
-        self._commands = Commands(port, self._config, lcmtypes.velocity_command_t.SAMPLER)
+        self._commands = Commands(port, self._config, SAMPLER)
         SessionInfo(port, self._config, "calibrate")
         port.subscribe(channels.MOCAP_POSE, self._on_pose)
         port.every(1.0 / self._config.controller.dt_s, self._on_tick)
 
     def close(self) -> None:
-        """Nothing is held; the motor loop's watchdog stops the robot."""
+        """Give the robot up; the motor loop brings it to rest."""
+        self._commands.release(self._port.now_us())
 
     def summary(self) -> dict[str, Any]:
         """Return what the session brought: segments, frames, draws given up by reason."""
@@ -66,7 +68,9 @@ class SamplerNode:
             Velocity(status.v_setpoint_m_per_s, status.omega_setpoint_rad_per_s)
             if status
             else None,
-            status is not None and self._alive.logger(now_us),
+            self._alive.robot(SAMPLER, now_us)
+            and not self._cut_off(status)
+            and self._alive.logger(now_us),
         )
         action = self.sampler.step(seen, now_us)
         self._commands.send(action.u, now_us)
@@ -75,6 +79,10 @@ class SamplerNode:
             self._farewells += 1
             if self._farewells == FAREWELLS:
                 self._port.finish()
+
+    def _cut_off(self, status: lcmtypes.onboard_status_t | None) -> bool:
+        """Return whether the watchdog has stopped the robot in the middle of a run."""
+        return status is not None and status.state == lcmtypes.onboard_status_t.WATCHDOG
 
     def _send_state(self, action: Action, utime: int) -> None:
         message = lcmtypes.sampler_state_t()

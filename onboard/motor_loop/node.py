@@ -9,7 +9,8 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import body_velocity
-from onboard.motor_loop.loop import Command, MotorLoop
+from onboard.motor_loop.hold import Command, Intent
+from onboard.motor_loop.loop import MotorLoop
 
 
 class OnboardNode:
@@ -53,9 +54,11 @@ class OnboardNode:
         # The fingerprint decides: the other robot's type raises ValueError here.
         if self._robot.kind == "dynamic":
             a = lcmtypes.acceleration_command_t.decode(data)
-            return Command(a.utime, a.sequence, a.commander, a.a_m_per_s2, a.d_omega_rad_per_s2)
+            u = a.a_m_per_s2, a.d_omega_rad_per_s2
+            return Command(a.utime, a.sequence, a.commander, Intent(a.intent), *u)
         v = lcmtypes.velocity_command_t.decode(data)
-        return Command(v.utime, v.sequence, v.commander, v.v_m_per_s, v.omega_rad_per_s)
+        u = v.v_m_per_s, v.omega_rad_per_s
+        return Command(v.utime, v.sequence, v.commander, Intent(v.intent), *u)
 
     def _on_tick(self, tick_us: int) -> None:
         self._send_duties(*self.loop.tick(tick_us), tick_us)
@@ -80,17 +83,21 @@ class OnboardNode:
         self._port.publish(channels.WHEEL_STATE, message)
 
     def _on_status_tick(self, tick_us: int) -> None:
-        loop, refused = self.loop, self.loop.counts.refused
+        loop, hold = self.loop, self.loop.hold
+        refused = hold.counts.refused
         message = lcmtypes.onboard_status_t()
         message.utime = tick_us
         message.state = loop.state
-        message.commander = loop.holder
+        message.fault = loop.fault
+        message.commander = hold.holder
+        message.refused_commander_last = hold.refused_last
         message.v_setpoint_m_per_s, message.omega_setpoint_rad_per_s = loop.setpoint
-        message.accepted = loop.counts.accepted
+        message.accepted = hold.counts.accepted
         message.refused_value = refused["value"]
         message.refused_stale = refused["stale"]
         message.refused_order = refused["order"]
         message.refused_commander = refused["commander"]
         message.refused_type = refused["type"]
-        message.battery_v = loop.battery_v
+        message.refused_stopped = refused["stopped"]
+        message.battery_v = loop.battery_v or 0.0
         self._port.publish(channels.ONBOARD_STATUS, message)

@@ -11,6 +11,7 @@ import lcm
 import pytest
 from klab import KLAB, SMALL_AREA, alive, klab, klab_ok, start_klab
 
+import lcmtypes
 from koopman_lab.bus.channels import HEARTBEATS, ONBOARD_STATUS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
@@ -98,6 +99,15 @@ def test_a_process_that_dies_is_named_and_the_others_stop(up, ear, victim, tmp_p
     assert f"{victim} died (signal SIGKILL)" in said
     assert str(tmp_path / "up" / "processes" / f"{victim}.log") in said
     ear.wait_until_gone(pids)
+
+
+@pytest.mark.usefixtures("up")
+def test_the_emergency_stop_holds_until_it_is_released(ear):
+    kind = lcmtypes.onboard_status_t
+    klab_ok("estop")
+    ear.wait(lambda: ear.status is not None and ear.status.state == kind.ESTOP)
+    klab_ok("estop", "--release")
+    ear.wait(lambda: ear.status.state == kind.REST)
 
 
 @pytest.mark.usefixtures("up")

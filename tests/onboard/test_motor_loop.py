@@ -6,8 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from koopman_lab.config.load import load_config
-from koopman_lab.geometry import Velocity
-from onboard.motor_loop.loop import Command, MotorLoop, State
+from koopman_lab.geometry import REST, Velocity
+from onboard.motor_loop.health import Fault
+from onboard.motor_loop.hold import NOBODY, Command, Intent
+from onboard.motor_loop.loop import MotorLoop, State
 from onboard.motor_loop.odometry import COUNTER_RANGE, Odometry
 from onboard.motor_loop.setpoint import AccelerationRamp, approach, saturate
 from onboard.plant.plant import Plant
@@ -24,16 +26,19 @@ class Bench:
         self.loop = MotorLoop(config)
         self.now_us = 0
         self.sequence = 0
+        self.battery_v = 7.4
+        self.silent = False
 
     def tick(self):
         self.plant.advance(self.now_us)
-        self.loop.encoder(self.now_us, *self.plant.encoder_counts(), 7.4)
+        if not self.silent:
+            self.loop.encoder(self.now_us, *self.plant.encoder_counts(), self.battery_v)
         self.plant.drive(*self.loop.tick(self.now_us))
         self.now_us += TICK_US
 
     def command(self, u, commander=SAMPLER, **changes):
         fields = {"utime": self.now_us, "sequence": self.sequence, "commander": commander}
-        fields |= {"u1": u[0], "u2": u[1]} | changes
+        fields |= {"intent": Intent.BEGIN, "u1": u[0], "u2": u[1]} | changes
         self.sequence += 1
         return self.loop.command(Command(**fields), self.now_us)
 
@@ -90,19 +95,105 @@ def test_a_silent_commander_ends_in_rest_and_must_begin_again(kinematic):
     for _ in range(100):
         kinematic.tick()
         states.append(kinematic.loop.state)
-        if states[-1] is State.WATCHDOG and len(states) < 30:
+        if states[-1] is State.WATCHDOG and kinematic.loop.setpoint != REST:
             assert kinematic.command((0.4, 0.0)) == "order"
     assert states.index(State.WATCHDOG) <= 16
-    assert states[-1] is State.REST
+    assert states[-1] is State.WATCHDOG
     assert kinematic.plant.body_velocity() == (0.0, 0.0)
+    assert kinematic.command((0.1, 0.0), intent=Intent.CONTINUE) == "order"
     assert kinematic.command((0.1, 0.0), CONTROLLER, sequence=0) is None
+    assert kinematic.loop.state is State.DRIVING
+
+
+def test_releasing_brings_the_robot_to_rest_and_frees_it(dynamic):
+    dynamic.drive((0.2, 0.5), 1.0)
+    assert dynamic.command((0.0, 0.0), intent=Intent.RELEASE) is None
+    for _ in range(50):
+        dynamic.tick()
+    assert dynamic.loop.state is State.REST
+    assert dynamic.loop.hold.holder == NOBODY
+    assert dynamic.plant.body_velocity() == (0.0, 0.0)
+    assert dynamic.command((0.1, 0.0), CONTROLLER, sequence=0) is None
+
+
+def test_the_first_to_begin_holds_the_robot_and_the_other_is_named(kinematic):
+    kinematic.drive((0.2, 0.0), 0.3)
+    assert kinematic.command((0.1, 0.0), CONTROLLER) == "commander"
+    assert kinematic.loop.hold.refused_last == CONTROLLER
+    assert kinematic.loop.hold.holder == SAMPLER
+
+
+def test_a_robot_that_nobody_holds_is_taken_only_by_beginning(kinematic):
+    for intent in (Intent.CONTINUE, Intent.RELEASE):
+        assert kinematic.command((0.1, 0.0), intent=intent) == "order"
+    assert kinematic.command((0.1, 0.0), NOBODY) == "order"
+    assert kinematic.loop.state is State.REST
+
+
+def faulty(bench, seconds):
+    """Go on commanding; return the ticks until a fault and the fault."""
+    for k in range(round(seconds * 100)):
+        if k % 5 == 0:
+            bench.command((0.3, 0.0), intent=Intent.CONTINUE)
+        bench.tick()
+        if bench.loop.state is State.FAULT:
+            return k + 1, bench.loop.fault
+    return None, bench.loop.fault
+
+
+@pytest.mark.parametrize(
+    ("what", "fault", "ticks"),
+    [
+        ("battery", Fault.BATTERY_LOW, 52),
+        ("silent", Fault.ENCODERS_SILENT, 28),
+        ("left", Fault.LEFT_WHEEL_STUCK, 24),
+        ("right", Fault.RIGHT_WHEEL_STUCK, 24),
+    ],
+)
+def test_a_fault_stops_the_motors_and_holds_until_it_is_released(kinematic, what, fault, ticks):
+    kinematic.drive((0.3, 0.0), 1.0)
+    left, right = kinematic.plant.encoder_counts()
+    if what == "battery":
+        kinematic.battery_v = 6.0
+    elif what == "silent":
+        kinematic.silent = True
+    else:
+        # The counter of one wheel stands still, the other one's goes on at the same speed.
+        step = round(0.3 / 0.03 * 0.01 / (2 * math.pi) * 2400)
+        kinematic.plant.encoder_counts = iter_counts(what, left, right, step)
+    taken, found = faulty(kinematic, 1.0)
+    assert found is fault
+    assert taken <= ticks
+    assert kinematic.loop.tick(kinematic.now_us) == (0.0, 0.0)
+    assert kinematic.command((0.1, 0.0)) == "stopped"
+    kinematic.loop.estop(False)
+    assert kinematic.loop.state is State.REST
+    assert kinematic.loop.fault is Fault.NO_FAULT
+
+
+def iter_counts(what, left, right, step):
+    state = {"left": left, "right": right}
+
+    def counts():
+        state["right" if what == "left" else "left"] += step
+        return state["left"], state["right"]
+
+    return counts
+
+
+def test_a_short_dip_of_the_battery_is_no_fault(kinematic):
+    kinematic.drive((0.2, 0.0), 0.5)
+    kinematic.battery_v = 6.0
+    assert faulty(kinematic, 0.3)[0] is None
+    kinematic.battery_v = 7.2
+    assert faulty(kinematic, 1.0)[0] is None
 
 
 def test_the_estop_acts_in_the_next_tick_and_holds_until_released(dynamic):
     dynamic.drive((0.3, 0.0), 1.0)
     dynamic.loop.estop(True)
     assert dynamic.loop.tick(dynamic.now_us) == (0.0, 0.0)
-    assert dynamic.command((0.1, 0.0)) == "order"
+    assert dynamic.command((0.1, 0.0)) == "stopped"
     for _ in range(100):
         dynamic.tick()
     assert dynamic.plant.body_velocity() == (0.0, 0.0)
@@ -126,7 +217,7 @@ def test_refused_commands_are_counted_by_reason_and_change_nothing(kinematic, ch
     kinematic.drive((0.2, 0.0), 0.2)
     target = kinematic.loop._target
     assert kinematic.command((0.3, 0.3), **changes) == reason
-    assert kinematic.loop.counts.refused[reason] == 1
+    assert kinematic.loop.hold.counts.refused[reason] == 1
     assert kinematic.loop._target == target
 
 
