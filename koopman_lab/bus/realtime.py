@@ -23,7 +23,8 @@ from koopman_lab.errors import BusError
 from koopman_lab.units import US_PER_S
 
 PRIORITY = 10
-"""Among real-time processes: low, above all that are none."""
+PRIORITIES = {"plant": 12, "onboard": 11}
+"""Among real-time processes, by node: the faster loop goes first, all before ordinary processes."""
 LONGEST_WAIT_S = 0.5
 """A node without timers still looks up this often."""
 
@@ -189,23 +190,23 @@ def run_node(node: Node, config: LabConfig, *, lifeline_fd: int | None = None) -
         try:
             port.attach(node)
             port.listen()
+            _ask_for_priority(PRIORITIES.get(node.name, PRIORITY))
             _loop(port, stop, lifeline_fd)
         finally:
             node.close()
     return RunStatistics(*port.ticks(), sum(port.lost_messages().values()))
 
 
-def _ask_for_priority() -> None:
+def _ask_for_priority(priority: int) -> None:
     """Go before ordinary processes where the system lets us; most let only root."""
     with contextlib.suppress(OSError, AttributeError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
 
 
 def _loop(port: RealtimePort, stop: StopSignals, lifeline_fd: int | None) -> None:
     # A collection over start-up's objects would cost milliseconds in the middle of a tick.
     gc.collect()
     gc.freeze()
-    _ask_for_priority()
     bus_fd = port.bus.fileno()
     wait_for: list[Any] = [bus_fd, stop]
     if lifeline_fd is not None:
