@@ -146,18 +146,19 @@ class Supervisor:
 def supervised(config: LabConfig, folder: RunFolder, listener: Listener) -> Iterator[Supervisor]:
     """Give a supervisor to the block and stop its children afterwards, however the block ends.
 
-    Inside, SIGTERM acts like Ctrl-C.
+    Inside, SIGTERM acts like Ctrl-C, and SIGINT does so even where a shell that started the
+    command in the background had it ignored.
     """
     supervisor = Supervisor(config, folder, listener)
-    before = signal.signal(signal.SIGTERM, _interrupt)
+    before = {n: signal.signal(n, _interrupt) for n in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield supervisor
     finally:
-        impatient = signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        for number in before:
+            signal.signal(number, signal.SIG_IGN)
         supervisor.stop()
-        signal.signal(signal.SIGINT, impatient)
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def start_missing(supervisor: Supervisor, there: set[str], folder: RunFolder) -> None:
