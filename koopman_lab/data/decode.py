@@ -96,7 +96,7 @@ class SessionLog:
             arrivals[frame.channel].append(frame.timestamp_us)
         self._messages = dict(sorted(messages.items()))
         self.channels = {
-            name: _summary(data, arrivals[name], _is_ours(name))
+            name: _summary(data, arrivals[name], _fingerprint(name))
             for name, data in self._messages.items()
         }
 
@@ -205,11 +205,26 @@ def _is_ours(name: str) -> bool:
     return True
 
 
-def _summary(messages: list[bytes], arrivals: list[int], ours: bool) -> ChannelSummary:
+def _fingerprint(name: str) -> bytes | None:
+    """Return how every message of a channel begins, None if the channel is none of this lab."""
+    fingerprint: bytes | None = None
+    if _is_ours(name):
+        fingerprint = split_name(name)[1].type._get_packed_fingerprint()
+    return fingerprint
+
+
+def _summary(
+    messages: list[bytes], arrivals: list[int], fingerprint: bytes | None
+) -> ChannelSummary:
     times = np.array(arrivals, np.int64)
     missing = np.zeros(0, np.int64)
-    headers = [data[:SMALLEST_MESSAGE] for data in messages if len(data) >= SMALLEST_MESSAGE]
-    if ours and headers:
+    # Damaged bytes inside a message leave its frame intact, and no number to count by.
+    headers = [
+        data[:SMALLEST_MESSAGE]
+        for data in messages
+        if fingerprint and len(data) >= SMALLEST_MESSAGE and data.startswith(fingerprint)
+    ]
+    if headers:
         raw = np.frombuffer(b"".join(headers), _HEADER)
         times = raw["utime"].astype(np.int64)
         missing = _missing(raw["sequence"].astype(np.int64))
@@ -227,5 +242,16 @@ def _summary(messages: list[bytes], arrivals: list[int], ours: bool) -> ChannelS
 
 def _missing(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the size of each gap; a lower number is a publisher that started again."""
-    missing = np.diff(sequence) - 1
+    missing = np.diff(_without_slips(sequence)) - 1
     return missing[missing > 0]
+
+
+def _without_slips(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the numbers without single lower ones between rising neighbours.
+
+    Such a one is damage, or a message that others overtook, and no publisher that started again.
+    """
+    before, here, after = sequence[:-2], sequence[1:-1], sequence[2:]
+    kept = np.ones(len(sequence), bool)
+    kept[1:-1] = ~((here < before) & (before < after))
+    return sequence[kept]

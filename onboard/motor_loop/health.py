@@ -9,6 +9,8 @@ from koopman_lab.config import schema
 from koopman_lab.units import US_PER_S
 
 LEFT, RIGHT = 0, 1
+OLDEST_US = 30_000
+"""Counters that are older, three ticks, say nothing about a wheel."""
 
 
 class Fault(IntEnum):
@@ -36,6 +38,11 @@ class Health:
         """Forget the past."""
         self._good_since_us.clear()
 
+    def hears(self, encoder_age_us: int | None) -> bool:
+        """Return whether the newest encoder message (age in us) is young enough to drive by."""
+        timeout_us = self._settings.encoder_timeout_s * US_PER_S
+        return encoder_age_us is not None and encoder_age_us <= timeout_us
+
     def check(
         self,
         now_us: int,
@@ -60,9 +67,10 @@ class Health:
             Measured wheel speeds (rad/s), (left, right).
         """
         s = self._settings
-        silent = encoder_age_us is None or encoder_age_us > s.encoder_timeout_s * US_PER_S
+        silent = not self.hears(encoder_age_us)
+        fresh = encoder_age_us is not None and encoder_age_us < OLDEST_US
         stuck = [
-            abs(duty) > s.stuck_duty and speed == 0.0
+            fresh and abs(duty) > s.stuck_duty and speed == 0.0
             for duty, speed in zip(duties, speeds, strict=True)
         ]
         findings = (

@@ -34,8 +34,9 @@ class MotorLoop:
 
     When the commander that holds the robot falls silent, the loop ramps to rest within the
     acceleration limits and stays there until a command begins a new sequence. The emergency stop
-    and any fault set the motors to zero in the next tick and hold until they are released. All
-    times are int64 microseconds of the onboard clock, which never steps.
+    and any fault set the motors to zero in the next tick and hold until they are released; only
+    silent encoders release themselves when they are heard again. All times are int64 microseconds
+    of the onboard clock, which never steps.
     """
 
     def __init__(self, config: LabConfig) -> None:
@@ -99,12 +100,13 @@ class MotorLoop:
 
     def tick(self, now_us: int) -> Duties:
         """Return the duties ``(left, right)`` for the next tick."""
+        age_us = None if self._encoder_us is None else now_us - self._encoder_us
+        if self.fault is Fault.ENCODERS_SILENT and self._health.hears(age_us):
+            self.estop(False)
         if self.state in STOPPED:
-            self._duties = NO_DUTY
             return NO_DUTY
         newest = self.odometry.newest()
         measured = (newest.left, newest.right) if newest else (0.0, 0.0)
-        age_us = None if self._encoder_us is None else now_us - self._encoder_us
         self.fault = self._health.check(now_us, self.battery_v, age_us, self._duties, measured)
         if self.fault is not Fault.NO_FAULT:
             self._stand(State.FAULT)

@@ -166,9 +166,14 @@ def test_a_fault_stops_the_motors_and_holds_until_it_is_released(kinematic, what
     assert taken <= ticks
     assert kinematic.loop.tick(kinematic.now_us) == (0.0, 0.0)
     assert kinematic.command((0.1, 0.0)) == "stopped"
-    kinematic.loop.estop(False)
+    if what == "silent":
+        kinematic.silent = False
+        kinematic.tick()
+    else:
+        kinematic.loop.estop(False)
     assert kinematic.loop.state is State.REST
     assert kinematic.loop.fault is Fault.NO_FAULT
+    assert kinematic.command((0.1, 0.0), intent=Intent.CONTINUE) == "order"
 
 
 def iter_counts(what, left, right, step):
