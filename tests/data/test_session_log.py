@@ -130,7 +130,8 @@ def test_a_damaged_log_is_refused_and_salvaged_on_request(session, path):
     log = SessionLog(path, salvage=True)
     missing = len(session.messages()) - sum(c.count for c in log.channels.values())
     assert 3 <= missing <= 6
-    assert sum(c.lost for c in log.channels.values()) == missing
+    # The zeros may begin inside a message: its frame is intact and counted, its number is gone.
+    assert missing <= sum(c.lost for c in log.channels.values()) <= missing + 1
     assert len(log.damage) == 1
     assert 300 <= log.damage[0].size < 300 + 2 * 150
     assert np.all(np.diff(log.array(MOCAP_POSE)["utime"]) > 0)
