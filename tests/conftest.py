@@ -13,6 +13,11 @@ _PORT = 20_000 + zlib.crc32(f"{_RUN} {_WORKER}".encode()) % 10_000
 os.environ["LCM_DEFAULT_URL"] = f"udpm://239.255.76.67:{_PORT}?ttl=0"
 
 import pytest  # noqa: E402
+from hypothesis import settings  # noqa: E402
+
+# How long an example takes says how busy the machine is, not whether the code is right.
+settings.register_profile("lab", deadline=None)
+settings.load_profile("lab")
 
 
 @pytest.fixture
