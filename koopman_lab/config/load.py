@@ -20,7 +20,7 @@ from pydantic_core import ErrorDetails
 from koopman_lab.config.schema import LabConfig, RobotKind
 from koopman_lab.errors import ConfigError
 
-Preset = Literal["lab", "ideal"]
+Preset = Literal["lab", "ideal", "harsh"]
 Key = tuple[str, ...]
 
 
@@ -82,6 +82,8 @@ def load_config(
     layers = [_default("base"), _default(kind)]
     if preset == "ideal":
         layers += [_default("ideal"), _default(f"ideal_{kind}")]
+    elif preset == "harsh":
+        layers.append(_default("harsh"))
     if bus_url:
         values = {"bus": {"url": bus_url}}
         layers.append(Layer("LCM_DEFAULT_URL", values, {("bus",): 0, ("bus", "url"): 0}))

@@ -117,20 +117,50 @@ class MotorLoop(Section):
 
 
 class Motor(Section):
-    """Both motors of the plant; pairs are (left, right)."""
+    """Both geared motors of the plant; pairs are (left, right), torques are those at the wheel."""
 
     drive: Literal["dc", "instantaneous", "linear"]
-    no_load_speed_rad_per_s: Positive
-    time_constant_s: Positive
-    friction_duty: NotNegative
+    torque_constant_n_m_per_a: Positive
+    resistance_ohm: Positive
+    gear_ratio: Positive
+    rotor_inertia_kg_m2: NotNegative
+    viscous_friction_n_m_s_per_rad: NotNegative
+    coulomb_friction_n_m: tuple[NotNegative, NotNegative]
+    breakaway_friction_n_m: tuple[NotNegative, NotNegative]
     gain: Pair
 
 
-class Body(Section):
-    """How the real body differs from what the software believes."""
+class Battery(Section):
+    """What the motors and the board are fed from."""
 
-    wheel_radius_factor: Pair
+    full_v: Positive
+    empty_v: Positive
+    state_of_charge: Share
+    capacity_ah: Positive
+    resistance_ohm: NotNegative
+    board_current_a: NotNegative
+
+
+class Body(Section):
+    """Mass, and how the real body differs from what the software believes."""
+
+    mass_kg: Positive
+    inertia_kg_m2: Positive
+    centre_of_mass_ahead_m: Finite
+    wheel_inertia_kg_m2: NotNegative
+    wheel_radius_factor: tuple[Positive, Positive]
     track_width_factor: Positive
+    slip_angle_rad_s2_per_m: NotNegative
+
+    @model_validator(mode="after")
+    def _can_exist(self) -> Body:
+        smallest = self.mass_kg * self.centre_of_mass_ahead_m**2
+        if self.inertia_kg_m2 < smallest:
+            raise ValueError(
+                f"inertia_kg_m2 about the axle's centre is {self.inertia_kg_m2}, the offset of the "
+                f"centre of mass alone makes {smallest:.3g}"
+            )
+        return self
 
 
 class Placement(Section):
@@ -146,8 +176,8 @@ class Plant(Section):
     encoder_rate_hz: Positive
     largest_step_s: Positive
     initial_pose: Triple
-    battery_v: Positive
     motor: Motor
+    battery: Battery
     body: Body
     placement: Placement
 
@@ -157,9 +187,13 @@ class Mocap(Section):
 
     rate_hz: Positive
     latency_s: NotNegative
+    latency_jitter_s: NotNegative
     position_noise_m: NotNegative
     angle_noise_rad: NotNegative
+    marker_offset: Triple
     lost_frame_share: Share
+    occlusions_per_s: NotNegative
+    occlusion_s: Annotated[tuple[NotNegative, NotNegative], AfterValidator(_ordered)]
 
 
 class StateSet(Section):

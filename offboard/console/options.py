@@ -31,6 +31,7 @@ class PresetName(str, Enum):
 
     lab = "lab"
     ideal = "ideal"
+    harsh = "harsh"
 
 
 ConfigFile = Annotated[

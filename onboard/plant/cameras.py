@@ -1,15 +1,20 @@
-"""The motion-capture cameras: noise, lost frames, latency."""
+"""The motion-capture cameras: marker frame, noise, lost frames, occlusions, latency."""
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from koopman_lab.config.schema import Mocap
-from koopman_lab.geometry import Pose, wrap_angle
+from koopman_lab.geometry import Pose, compose, wrap_angle
 from koopman_lab.units import US_PER_S
+
+NOTHING = Pose(0.0, 0.0, 0.0)
+FRAMES_PER_DRAW = 256
+"""Random numbers are drawn for many frames at once: one at a time costs more than all the rest."""
 
 
 class Frame(NamedTuple):
@@ -21,30 +26,66 @@ class Frame(NamedTuple):
 
 
 class Cameras:
-    """Exposes true poses and hands them out once the processing latency has passed."""
+    """Exposes true poses and hands out what they see once the processing latency has passed.
+
+    Frames keep their order: one that takes long holds back those behind it.
+    """
 
     def __init__(self, mocap: Mocap, rng: np.random.Generator) -> None:
         self._position_noise_m = mocap.position_noise_m
         self._angle_noise_rad = mocap.angle_noise_rad
+        self._marker = Pose(*mocap.marker_offset)
         self._lost_share = mocap.lost_frame_share
         self._latency_us = round(mocap.latency_s * US_PER_S)
-        self._rng = rng
-        self._pending: deque[Frame] = deque()
+        self._jitter_us = mocap.latency_jitter_s * US_PER_S
+        self._occlusions_per_s = mocap.occlusions_per_s
+        self._occlusion_s = mocap.occlusion_s
+        self._hidden_from_us: int | None = None
+        self._hidden_until_us = 0
+        noise, occlusions = rng.spawn(2)
+        self._numbers = _draws(noise)
+        self._occlusions = occlusions
+        self._pending: deque[tuple[int, Frame]] = deque()
 
     def expose(self, utime: int, pose: Pose) -> None:
-        """Take a picture of the true pose at ``utime``."""
-        e1, e2, e3 = self._rng.standard_normal(3).tolist()
-        valid = self._lost_share == 0.0 or self._rng.random() >= self._lost_share
-        seen = Pose(
-            pose.x1 + self._position_noise_m * e1,
-            pose.x2 + self._position_noise_m * e2,
-            wrap_angle(pose.theta + self._angle_noise_rad * e3),
-        )
-        self._pending.append(Frame(utime, seen if valid else Pose(0.0, 0.0, 0.0), valid))
+        """Take a picture of the robot at its true pose at ``utime``."""
+        e1, e2, e3, luck, delay = next(self._numbers)
+        if luck < self._lost_share or self._occluded(utime):
+            frame = Frame(utime, NOTHING, False)
+        else:
+            marker = compose(pose, self._marker)
+            seen = Pose(
+                marker.x1 + self._position_noise_m * e1,
+                marker.x2 + self._position_noise_m * e2,
+                wrap_angle(marker.theta + self._angle_noise_rad * e3),
+            )
+            frame = Frame(utime, seen, True)
+        ready_us = utime + self._latency_us + round(delay * self._jitter_us)
+        if self._pending:
+            ready_us = max(ready_us, self._pending[-1][0])
+        self._pending.append((ready_us, frame))
 
     def ready(self, now_us: int) -> list[Frame]:
         """Return the frames whose latency has passed by ``now_us``, oldest first."""
         frames = []
-        while self._pending and self._pending[0].utime + self._latency_us <= now_us:
-            frames.append(self._pending.popleft())
+        while self._pending and self._pending[0][0] <= now_us:
+            frames.append(self._pending.popleft()[1])
         return frames
+
+    def _occluded(self, utime: int) -> bool:
+        """Return whether something stands in the way; that happens at random moments."""
+        if not self._occlusions_per_s:
+            return False
+        if self._hidden_from_us is None or utime >= self._hidden_until_us:
+            gap_s = self._occlusions.exponential(1.0 / self._occlusions_per_s)
+            self._hidden_from_us = utime + round(gap_s * US_PER_S)
+            length_s = self._occlusions.uniform(*self._occlusion_s)
+            self._hidden_until_us = self._hidden_from_us + round(length_s * US_PER_S)
+        return utime >= self._hidden_from_us
+
+
+def _draws(rng: np.random.Generator) -> Iterator[list[float]]:
+    """Yield three normal and two uniform random numbers for each frame."""
+    while True:
+        normal = rng.standard_normal((FRAMES_PER_DRAW, 3))
+        yield from np.hstack((normal, rng.random((FRAMES_PER_DRAW, 2)))).tolist()

@@ -62,11 +62,16 @@ class PlantNode:
         truth.x1_m, truth.x2_m, truth.theta_rad = self.plant.pose
         truth.v_m_per_s, truth.omega_rad_per_s = self.plant.body_velocity()
         self._port.publish(channels.PLANT_TRUTH, truth)
+        self._send_frames(utime)
 
     def _on_camera_tick(self, tick_us: int) -> None:
         utime = self._advance(tick_us)
         self._cameras.expose(utime, self.plant.pose)
-        for frame in self._cameras.ready(utime):
+        self._send_frames(utime)
+
+    def _send_frames(self, now_us: int) -> None:
+        # Asked at every tick of either timer, since frames become ready between exposures.
+        for frame in self._cameras.ready(now_us):
             message = lcmtypes.mocap_pose_t()
             message.utime = frame.utime
             message.x1_m, message.x2_m, message.theta_rad = frame.pose

@@ -1,30 +1,55 @@
-"""The plant: motors, body and encoders, integrated on demand."""
+"""The plant: drives, body and encoders, integrated on demand."""
 
 from __future__ import annotations
 
 import math
+from math import cos, sin
+from typing import Protocol
 
 import numpy as np
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import Pose, wrap_angle
 from koopman_lab.units import US_PER_S
-from onboard.plant.motor import Motor
+from onboard.plant.drivetrain import Drivetrain
+from onboard.plant.ideal import IdealDrives
 
 COUNTER_RANGE = 1 << 32
 
-# Three-point Gauss-Legendre on [0, 1]: exact for polynomials of degree five, so that a step with
-# linearly changing wheel speeds follows the nominal equations to rounding.
-_SPREAD = 0.5 * math.sqrt(0.6)
-GAUSS = ((0.5 - _SPREAD, 5 / 18), (0.5, 8 / 18), (0.5 + _SPREAD, 5 / 18))
+# Two-point Gauss-Legendre on [0, 1]: exact for polynomials of degree three. With wheel speeds
+# that change linearly its error over 10 s of 5 ms steps stays below 1e-9 m up to 3 rad/s.
+EARLY, LATE = 0.5 - math.sqrt(1.0 / 12.0), 0.5 + math.sqrt(1.0 / 12.0)
+
+
+class Drives(Protocol):
+    """What turns the wheels."""
+
+    left_rad_per_s: float
+    right_rad_per_s: float
+    until_kink_us: int | None
+    """Time until the speeds' course has a corner that a step must not cross."""
+
+    @property
+    def battery_v(self) -> float:
+        """Return the voltage at the terminals."""
+
+    def drive(self, left_duty: float, right_duty: float) -> None:
+        """Set the duties, each in [-1, 1]."""
+
+    def halt(self) -> None:
+        """Stop both wheels at once."""
+
+    def advance(self, step_us: int) -> None:
+        """Integrate one step that crosses no kink."""
 
 
 class Plant:
     """A differential-drive robot on the floor.
 
-    Inside a step both wheel speeds change linearly; the contact is ideal rolling with the *true*
-    wheel radii and track width, which differ from what the software believes
-    (``config.plant.body``). Times are int64 microseconds; the plant never runs backwards.
+    The wheels roll with the *true* radii and track width, which differ from what the software
+    believes (``config.plant.body``). Sideways the tyres give way: the body drifts outward by a
+    slip angle proportional to the centripetal acceleration, as a tyre's lateral force grows with
+    its slip angle. Times are int64 microseconds; the plant never runs backwards.
 
     Parameters
     ----------
@@ -35,26 +60,33 @@ class Plant:
     """
 
     def __init__(self, config: LabConfig, rng: np.random.Generator) -> None:
-        robot, body, motor = config.robot, config.plant.body, config.plant.motor
-        tick_s = 1.0 / config.motor_loop.rate_hz
+        robot, body = config.robot, config.plant.body
         left_factor, right_factor = body.wheel_radius_factor
+        left_m, right_m = robot.wheel_radius_m * left_factor, robot.wheel_radius_m * right_factor
+        track_m = robot.track_width_m * body.track_width_factor
         self.time_us: int | None = None
         self.pose = Pose(*config.plant.initial_pose)
-        self.battery_v = config.plant.battery_v
-        self.left = Motor(motor, motor.gain[0], tick_s)
-        self.right = Motor(motor, motor.gain[1], tick_s)
-        self._left_radius_m = robot.wheel_radius_m * left_factor
-        self._right_radius_m = robot.wheel_radius_m * right_factor
-        self._track_m = robot.track_width_m * body.track_width_factor
+        self.drives: Drives = (
+            Drivetrain(config) if config.plant.motor.drive == "dc" else IdealDrives(config)
+        )
+        self._left_rad = 0.0
+        self._right_rad = 0.0
+        self._half_left, self._half_right = 0.5 * left_m, 0.5 * right_m
+        self._turn_left, self._turn_right = left_m / track_m, right_m / track_m
+        self._slip = body.slip_angle_rad_s2_per_m
         self._counts_per_rad = config.motor_loop.encoder_counts_per_rev / (2.0 * math.pi)
-        self._largest_step_s = config.plant.largest_step_s
+        self._largest_step_us = max(1, round(config.plant.largest_step_s * US_PER_S))
         self._placement = config.plant.placement
         self._rng = rng
 
+    @property
+    def battery_v(self) -> float:
+        """Return the voltage at the battery's terminals."""
+        return self.drives.battery_v
+
     def drive(self, left_duty: float, right_duty: float) -> None:
-        """Apply motor duties (share of the battery voltage, in [-1, 1]) from now on."""
-        self.left.drive(left_duty)
-        self.right.drive(right_duty)
+        """Apply motor duties (share of the battery voltage) from now on; hardware limits them."""
+        self.drives.drive(min(1.0, max(-1.0, left_duty)), min(1.0, max(-1.0, right_duty)))
 
     def place(self, pose: Pose) -> None:
         """Place the robot by hand: at rest, within the accuracy of ``config.plant.placement``."""
@@ -63,51 +95,66 @@ class Plant:
         self.pose = Pose(
             pose.x1 + spread * e1, pose.x2 + spread * e2, wrap_angle(pose.theta + turn * e3)
         )
-        self.left.halt()
-        self.right.halt()
+        self.drives.halt()
 
     def advance(self, now_us: int) -> None:
         """Integrate up to ``now_us``; a time that has passed already changes nothing."""
         if self.time_us is None:
             self.time_us = now_us
-        remaining_s = (now_us - self.time_us) / US_PER_S
-        if remaining_s <= 0.0:
+        remaining_us = now_us - self.time_us
+        if remaining_us <= 0:
             return
         self.time_us = now_us
-        while remaining_s > 1e-12:
-            step_s = min(
-                remaining_s, self._largest_step_s, self.left.until_kink_s, self.right.until_kink_s
-            )
-            self._step(step_s)
-            remaining_s -= step_s
+        drives, largest_us = self.drives, self._largest_step_us
+        while remaining_us > 0:
+            step_us = min(remaining_us, largest_us)
+            kink_us = drives.until_kink_us
+            if kink_us is not None and kink_us < step_us:
+                step_us = kink_us
+            self._step(step_us)
+            remaining_us -= step_us
 
     def encoder_counts(self) -> tuple[int, int]:
         """Return both counters as the hardware holds them: whole counts, wrapped at 32 bit."""
-        return self._count(self.left.angle_rad), self._count(self.right.angle_rad)
+        return self._count(self._left_rad), self._count(self._right_rad)
 
     def body_velocity(self) -> tuple[float, float]:
-        """Return the true ``(v, omega)`` in m/s and rad/s."""
-        return self._body(self.left.speed_rad_per_s, self.right.speed_rad_per_s)
+        """Return the true ``(v, omega)`` in m/s and rad/s; v is along the robot."""
+        left, right = self.drives.left_rad_per_s, self.drives.right_rad_per_s
+        return (
+            self._half_left * left + self._half_right * right,
+            self._turn_right * right - self._turn_left * left,
+        )
 
-    def _body(self, left: float, right: float) -> tuple[float, float]:
-        left_m_per_s, right_m_per_s = left * self._left_radius_m, right * self._right_radius_m
-        return 0.5 * (left_m_per_s + right_m_per_s), (right_m_per_s - left_m_per_s) / self._track_m
-
-    def _step(self, step_s: float) -> None:
-        v0, omega0 = self.body_velocity()
-        self.left.advance(step_s)
-        self.right.advance(step_s)
-        v1, omega1 = self.body_velocity()
-        if v0 == v1 == omega0 == omega1 == 0.0:
+    def _step(self, step_us: int) -> None:
+        drives = self.drives
+        left, right = drives.left_rad_per_s, drives.right_rad_per_s
+        drives.advance(step_us)
+        new_left, new_right = drives.left_rad_per_s, drives.right_rad_per_s
+        if left == right == new_left == new_right == 0.0:
             return
+        step_s = step_us / US_PER_S
+        half_s = 0.5 * step_s
+        self._left_rad += half_s * (left + new_left)
+        self._right_rad += half_s * (right + new_right)
+        # Inside a step both wheel speeds, and with them v and omega, change linearly.
+        v = self._half_left * left + self._half_right * right
+        omega = self._turn_right * right - self._turn_left * left
+        dv = self._half_left * new_left + self._half_right * new_right - v
+        d_omega = self._turn_right * new_right - self._turn_left * new_left - omega
         x1, x2, theta = self.pose
-        dv, d_omega = v1 - v0, omega1 - omega0
-        for at, weight in GAUSS:
-            angle = theta + step_s * at * (omega0 + 0.5 * at * d_omega)
-            distance = weight * step_s * (v0 + at * dv)
-            x1 += distance * math.cos(angle)
-            x2 += distance * math.sin(angle)
-        self.pose = Pose(x1, x2, wrap_angle(theta + 0.5 * step_s * (omega0 + omega1)))
+        v_early, v_late = v + EARLY * dv, v + LATE * dv
+        omega_early, omega_late = omega + EARLY * d_omega, omega + LATE * d_omega
+        early = theta + step_s * EARLY * (omega + 0.5 * EARLY * d_omega)
+        late = theta + step_s * LATE * (omega + 0.5 * LATE * d_omega)
+        # To first order, a small slip angle turns the direction of motion, outward in the curve.
+        early -= self._slip * abs(v_early) * omega_early
+        late -= self._slip * abs(v_late) * omega_late
+        self.pose = Pose(
+            x1 + half_s * (v_early * cos(early) + v_late * cos(late)),
+            x2 + half_s * (v_early * sin(early) + v_late * sin(late)),
+            wrap_angle(theta + half_s * (omega + omega + d_omega)),
+        )
 
     def _count(self, angle_rad: float) -> int:
         counts = math.floor(angle_rad * self._counts_per_rad)

@@ -1,5 +1,7 @@
+from operator import attrgetter
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -8,10 +10,36 @@ from koopman_lab.errors import ConfigError
 
 
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
-@pytest.mark.parametrize("preset", ["lab", "ideal"])
+@pytest.mark.parametrize("preset", ["lab", "ideal", "harsh"])
 def test_a_dumped_configuration_reads_back_unchanged(robot, preset):
     config = load_config(robot=robot, preset=preset)
     assert parse_config(dump_config(config), "dump") == config
+
+
+def test_harsh_is_three_times_as_far_from_ideal_as_the_lab():
+    lab, ideal, harsh = (load_config(preset=preset) for preset in ("lab", "ideal", "harsh"))
+    exact = {"viscous_friction_n_m_s_per_rad": 0.0, "coulomb_friction_n_m": 0.0}
+    exact |= {"breakaway_friction_n_m": 0.0, "resistance_ohm": 0.0, "centre_of_mass_ahead_m": 0.0}
+    for part, names in {
+        "plant.motor": ("gain", *list(exact)[:3]),
+        "plant.battery": ("resistance_ohm",),
+        "plant.body": (
+            *("wheel_radius_factor", "track_width_factor", "slip_angle_rad_s2_per_m"),
+            "centre_of_mass_ahead_m",
+        ),
+        "mocap": (
+            *("latency_s", "latency_jitter_s", "position_noise_m", "angle_noise_rad"),
+            *("marker_offset", "lost_frame_share"),
+        ),
+    }.items():
+        of_lab, of_ideal, of_harsh = (attrgetter(part)(c) for c in (lab, ideal, harsh))
+        for name in names:
+            zero = np.array(exact.get(name, getattr(of_ideal, name)))
+            assert np.array(getattr(of_harsh, name)) - zero == pytest.approx(
+                3.0 * (np.array(getattr(of_lab, name)) - zero)
+            )
+    lab_counts = lab.motor_loop.encoder_counts_per_rev
+    assert harsh.motor_loop.encoder_counts_per_rev == lab_counts / 3
 
 
 def test_the_papers_numbers():

@@ -7,7 +7,6 @@ from tests_support import ideal_run
 
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry import Pose
-from onboard.plant.cameras import Cameras
 from onboard.plant.plant import Plant
 
 
@@ -37,22 +36,6 @@ def test_ideal_plant_equals_the_nominal_second_order_model(a, d_omega):
     ).y[:, -1]
     assert (pose.x1, pose.x2) == pytest.approx((exact[0], exact[1]), abs=1e-9)
     assert math.cos(pose.theta - exact[2]) == pytest.approx(1.0, abs=1e-12)
-
-
-def test_a_motor_follows_its_lag_and_friction_holds_it():
-    config = load_config(overrides=["plant.motor.gain=[1.0, 1.0]"])
-    motor, plant = config.plant.motor, Plant(config, np.random.default_rng(0))
-    plant.advance(0)
-    plant.drive(motor.friction_duty, -motor.friction_duty)
-    plant.advance(1_000_000)
-    assert plant.body_velocity() == (0.0, 0.0)
-    plant.drive(0.5, 0.5)
-    plant.advance(1_000_000 + round(motor.time_constant_s * 1e6))
-    final = (0.5 - motor.friction_duty) * motor.no_load_speed_rad_per_s
-    assert plant.left.speed_rad_per_s == pytest.approx(final * (1 - math.exp(-1)), rel=1e-9)
-    plant.drive(0.0, 0.0)
-    plant.advance(5_000_000)
-    assert plant.left.speed_rad_per_s == 0.0
 
 
 def test_geometry_mismatch_bends_a_straight_line():
@@ -87,20 +70,3 @@ def test_placing_by_hand_is_as_exact_as_configured():
     largest = np.abs(errors).max(axis=0)
     assert np.all(largest <= (0.007, 0.007, 0.0873))
     assert np.all(largest > (0.006, 0.006, 0.08))
-
-
-def test_cameras_add_noise_and_hold_frames_back():
-    config = load_config(overrides=["mocap.latency_s=0.01", "mocap.lost_frame_share=0.1"])
-    cameras = Cameras(config.mocap, np.random.default_rng(0))
-    frames = []
-    for k in range(4000):
-        cameras.expose(k * 4167, Pose(1.0, -2.0, math.pi))
-        ready = cameras.ready(k * 4167)
-        assert all(frame.utime <= k * 4167 - 10_000 for frame in ready)
-        frames += ready
-    assert len(frames) == 4000 - 3
-    good = np.array([frame.pose for frame in frames if frame.valid])
-    assert 0.08 < 1 - len(good) / len(frames) < 0.12
-    assert good[:, 0].std() == pytest.approx(0.0002, rel=0.1)
-    assert np.all(good[:, 2] > -math.pi)
-    assert np.all(good[:, 2] <= math.pi)

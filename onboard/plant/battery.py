@@ -1,0 +1,51 @@
+"""The battery: terminal voltage under load, and what is left in it."""
+
+from __future__ import annotations
+
+from koopman_lab.config import schema
+
+SECONDS_PER_HOUR = 3600.0
+
+
+class Battery:
+    """A voltage source that falls linearly with its charge, behind a resistance.
+
+    Parameters
+    ----------
+    battery
+        Its data.
+    motor_resistance_ohm
+        Of one motor; both hang on the battery through their drivers.
+    """
+
+    def __init__(self, battery: schema.Battery, motor_resistance_ohm: float) -> None:
+        self.state_of_charge = battery.state_of_charge
+        self._empty_v = battery.empty_v
+        self._span_v = battery.full_v - battery.empty_v
+        self._capacity_as = battery.capacity_ah * SECONDS_PER_HOUR
+        self._resistance_ohm = battery.resistance_ohm
+        self._board_current_a = battery.board_current_a
+        self._motor_resistance_ohm = motor_resistance_ohm
+
+    @property
+    def open_circuit_v(self) -> float:
+        """Return the voltage without any load."""
+        return self._empty_v + self.state_of_charge * self._span_v
+
+    def terminal(self, left_share: float, right_share: float) -> tuple[float, float, float]:
+        """Return ``(base_v, left, right)``: the voltage is ``base_v + left * e_l + right * e_r``.
+
+        A driver that passes the share ``s`` of the terminal voltage U to a motor with back-EMF e
+        takes the current ``s (s U - e) / R`` from the battery, since an ideal driver keeps the
+        power. Solved for U, this is linear in the back-EMFs (V).
+        """
+        ratio = self._resistance_ohm / self._motor_resistance_ohm
+        scale = 1.0 / (1.0 + ratio * (left_share * left_share + right_share * right_share))
+        base_v = scale * (self.open_circuit_v - self._resistance_ohm * self._board_current_a)
+        return base_v, scale * ratio * left_share, scale * ratio * right_share
+
+    def take(self, motor_charge_as: float, seconds: float) -> None:
+        """Take charge (A s) for the motors, and what the board needs in ``seconds``."""
+        used = motor_charge_as + self._board_current_a * seconds
+        left = self.state_of_charge - used / self._capacity_as
+        self.state_of_charge = min(1.0, max(0.0, left))

@@ -1,0 +1,219 @@
+"""Two geared DC motors on one battery, coupled through the body they push."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.units import US_PER_S
+from onboard.plant.battery import Battery
+
+MOST_TRANSITIONS = 256
+
+
+class Transition(NamedTuple):
+    """What is left of a deviation from the steady speeds after a step.
+
+    ``same`` and ``cross`` for two turning wheels, ``alone`` where the other wheel is held.
+    """
+
+    left: float
+    cross: float
+    right: float
+    left_alone: float
+    right_alone: float
+
+
+class Drivetrain:
+    """Wheel speeds (rad/s) of a robot with mass, inertia, friction and a battery.
+
+    With the wheel speeds w, both wheels rolling without longitudinal slip,
+
+        M w' = (k / R) (g d U - k w) - b w - friction + inertia forces,
+
+    where M is the 2x2 mass matrix of body, wheels and rotors in wheel coordinates, k the back-EMF
+    of one motor at its wheel (V s/rad, equal to N m/A), U the voltage of the battery under the
+    load, d the duty and g the gain of the driver. The inertia forces come from a centre of mass
+    ahead of the axle.
+
+    The linear part is solved exactly by matrix exponentials, kept per length of step; voltage and
+    inertia forces change linearly over a step (exponential Runge-Kutta method of second order).
+    Coulomb friction is constant while a wheel turns; a wheel at rest is held until the torque on
+    it exceeds the break-away torque.
+    """
+
+    def __init__(self, config: LabConfig) -> None:
+        motor, body, robot = config.plant.motor, config.plant.body, config.robot
+        left_m = robot.wheel_radius_m * body.wheel_radius_factor[0]
+        right_m = robot.wheel_radius_m * body.wheel_radius_factor[1]
+        track_m = robot.track_width_m * body.track_width_factor
+        self.left_rad_per_s = 0.0
+        self.right_rad_per_s = 0.0
+        self.until_kink_us: int | None = None
+        self._battery = Battery(config.plant.battery, motor.resistance_ohm)
+        self._back_emf = motor.gear_ratio * motor.torque_constant_n_m_per_a
+        self._torque_per_v = self._back_emf / motor.resistance_ohm
+        self._resistance_ohm = motor.resistance_ohm
+        self._damping = self._back_emf * self._torque_per_v + motor.viscous_friction_n_m_s_per_rad
+        self._gain_left, self._gain_right = motor.gain
+        self._coulomb_left, self._coulomb_right = motor.coulomb_friction_n_m
+        self._breakaway_left, self._breakaway_right = motor.breakaway_friction_n_m
+
+        turning = body.wheel_inertia_kg_m2 + motor.gear_ratio**2 * motor.rotor_inertia_kg_m2
+        along, about = body.mass_kg / 4.0, body.inertia_kg_m2 / track_m**2
+        self._mass_left = turning + left_m**2 * (along + about)
+        self._mass_cross = left_m * right_m * (along - about)
+        self._mass_right = turning + right_m**2 * (along + about)
+        masses = [[self._mass_left, self._mass_cross], [self._mass_cross, self._mass_right]]
+        self._modes = np.linalg.eigh(np.array(masses))
+        self._transitions: dict[int, Transition] = {}
+
+        # The body turns by right * w_r - left * w_l and drives half the sum of the rim speeds.
+        self._turn_left, self._turn_right = left_m / track_m, right_m / track_m
+        self._half_left, self._half_right = 0.5 * left_m, 0.5 * right_m
+        self._mass_ahead = body.mass_kg * body.centre_of_mass_ahead_m
+        self.drive(0.0, 0.0)
+
+    @property
+    def battery_v(self) -> float:
+        """Return the voltage at the terminals under the present load."""
+        return (
+            self._base_v
+            + self._droop_left * self.left_rad_per_s
+            + self._droop_right * self.right_rad_per_s
+        )
+
+    @property
+    def state_of_charge(self) -> float:
+        """Return what is left in the battery, in [0, 1]."""
+        return self._battery.state_of_charge
+
+    def drive(self, left_duty: float, right_duty: float) -> None:
+        """Set the duties, each in [-1, 1]."""
+        self._share_left = left_duty * self._gain_left
+        self._share_right = right_duty * self._gain_right
+        # The charge changes so slowly that its voltage may stand still until the next duty.
+        self._base_v, left, right = self._battery.terminal(self._share_left, self._share_right)
+        self._droop_left, self._droop_right = left * self._back_emf, right * self._back_emf
+
+    def halt(self) -> None:
+        """Stop both wheels at once, as a hand does that lifts the robot."""
+        self.left_rad_per_s = self.right_rad_per_s = 0.0
+
+    def advance(self, step_us: int) -> None:
+        """Integrate one step."""
+        left, right = self.left_rad_per_s, self.right_rad_per_s
+        torque_left, torque_right = self._torques(left, right)
+        direction_left = _sign(left)
+        direction_right = _sign(right)
+        if not direction_left or not direction_right:
+            direction_left, direction_right = self._released(
+                torque_left, torque_right, direction_left, direction_right
+            )
+            if not direction_left and not direction_right:
+                self._take_charge(0.0, 0.0, step_us)
+                return
+        kept = self._transitions.get(step_us) or self._transition(step_us)
+        if direction_left and direction_right:
+            keep_left, keep_cross, keep_right = kept.left, kept.cross, kept.right
+        else:
+            keep_left = kept.left_alone if direction_left else 1.0
+            keep_right = kept.right_alone if direction_right else 1.0
+            keep_cross = 0.0
+        friction_left = direction_left * self._coulomb_left
+        friction_right = direction_right * self._coulomb_right
+        # Deviations from the speeds at which these torques would balance. A held wheel keeps all
+        # of its own, so that it stays at rest whatever the torque.
+        damping = self._damping
+        off_left = left - (torque_left - friction_left) / damping
+        off_right = right - (torque_right - friction_right) / damping
+        after_left = left - off_left + keep_left * off_left + keep_cross * off_right
+        after_right = right - off_right + keep_cross * off_left + keep_right * off_right
+        # Second stage: half of the change of the torques acts over the whole step.
+        new_left, new_right = self._torques(after_left, after_right)
+        more_left = 0.5 * (new_left - torque_left) / damping
+        more_right = 0.5 * (new_right - torque_right) / damping
+        after_left += more_left - keep_left * more_left - keep_cross * more_right
+        after_right += more_right - keep_cross * more_left - keep_right * more_right
+        # Friction stops a wheel, it does not turn it round; the next step decides on that.
+        self.left_rad_per_s = after_left if after_left * direction_left > 0.0 else 0.0
+        self.right_rad_per_s = after_right if after_right * direction_right > 0.0 else 0.0
+        self._take_charge(left, right, step_us)
+
+    def _torques(self, left: float, right: float) -> tuple[float, float]:
+        """Return what turns the wheels (N m), without back-EMF and friction."""
+        voltage = self._base_v + self._droop_left * left + self._droop_right * right
+        per_share = self._torque_per_v * voltage
+        omega = self._turn_right * right - self._turn_left * left
+        # m d omega^2 pushes forward, m d omega v turns back.
+        push = self._mass_ahead * omega
+        v = self._half_left * left + self._half_right * right
+        forward, turn = push * omega, push * v
+        return (
+            per_share * self._share_left + self._half_left * forward + self._turn_left * turn,
+            per_share * self._share_right + self._half_right * forward - self._turn_right * turn,
+        )
+
+    def _released(
+        self, torque_left: float, torque_right: float, left: float, right: float
+    ) -> tuple[float, float]:
+        """Return the directions of motion; 0 for a wheel that friction holds.
+
+        A wheel that speeds up pushes the other through the body, with the cross mass.
+        """
+        if not left and not right:
+            if abs(torque_left) > self._breakaway_left:
+                left = _sign(torque_left)
+            if abs(torque_right) > self._breakaway_right:
+                right = _sign(torque_right)
+        if left and not right:
+            speeding = torque_left - left * self._coulomb_left - self._damping * self.left_rad_per_s
+            torque_right -= self._mass_cross * speeding / self._mass_left
+            if abs(torque_right) > self._breakaway_right:
+                right = _sign(torque_right)
+        elif right and not left:
+            speeding = (
+                torque_right - right * self._coulomb_right - self._damping * self.right_rad_per_s
+            )
+            torque_left -= self._mass_cross * speeding / self._mass_right
+            if abs(torque_left) > self._breakaway_left:
+                left = _sign(torque_left)
+        return left, right
+
+    def _transition(self, step_us: int) -> Transition:
+        rate = -self._damping * step_us / US_PER_S
+        masses, directions = self._modes
+        both = directions @ np.diag(np.exp(rate / masses)) @ directions.T
+        transition = Transition(
+            float(both[0, 0]),
+            float(both[0, 1]),
+            float(both[1, 1]),
+            math.exp(rate / self._mass_left),
+            math.exp(rate / self._mass_right),
+        )
+        # Timers of fixed rates make few lengths of step in lockstep, but any number in real time.
+        if len(self._transitions) >= MOST_TRANSITIONS:
+            self._transitions.clear()
+        self._transitions[step_us] = transition
+        return transition
+
+    def _take_charge(self, left: float, right: float, step_us: int) -> None:
+        step_s = step_us / US_PER_S
+        if not self._share_left and not self._share_right:
+            self._battery.take(0.0, step_s)
+            return
+        voltage = self.battery_v
+        mean_left = 0.5 * self._back_emf * (left + self.left_rad_per_s)
+        mean_right = 0.5 * self._back_emf * (right + self.right_rad_per_s)
+        current = (
+            self._share_left * (self._share_left * voltage - mean_left)
+            + self._share_right * (self._share_right * voltage - mean_right)
+        ) / self._resistance_ohm
+        self._battery.take(current * step_s, step_s)
+
+
+def _sign(value: float) -> float:
+    return 1.0 if value > 0.0 else -1.0 if value < 0.0 else 0.0
