@@ -37,6 +37,11 @@ class LockstepPort(BasePort):
         """Return the virtual time in us, from 0."""
         return self._runner.now_us
 
+    def finish(self) -> None:
+        """Tell the runner that this node's work is done."""
+        super().finish()
+        self._runner.finished = True
+
     def send(self, name: str, data: bytes) -> None:
         """Queue the message for every node that listens."""
         self._runner.send(name, data)
@@ -52,6 +57,8 @@ class Lockstep:
 
     def __init__(self, config: LabConfig) -> None:
         self.now_us = 0
+        self.finished = False
+        """Whether a node's work is done."""
         self._config = config
         self._nodes: list[Node] = []
         self._ports: list[LockstepPort] = []
@@ -124,7 +131,7 @@ class Lockstep:
         next_report_us = self.now_us
         while self._queue and self._queue[0][0] <= end_us:
             time_us, order, kind, _, what = self._queue[0]
-            if time_us > self.now_us and any(port.finished for port in self._ports):
+            if time_us > self.now_us and self.finished:
                 return True
             heapq.heappop(self._queue)
             self.now_us = time_us

@@ -37,11 +37,12 @@ class Timer:
         Older ticks that are due as well are skipped and counted: a burst to catch up would run
         the component at times that have passed.
         """
-        behind = int((now_us - self.deadline_us) / self._period_us)
+        deadline = self.deadline_us
+        behind = int((now_us - deadline) / self._period_us)
         if behind > 0:
             self.missed += behind
             self._index += behind
-        deadline = self.deadline_us
+            deadline = self.deadline_us
         self.tick(deadline)
         self.run += 1
         self._index += 1
