@@ -48,4 +48,4 @@ class Battery:
         """Take charge (A s) for the motors, and what the board needs in ``seconds``."""
         used = motor_charge_as + self._board_current_a * seconds
         left = self.state_of_charge - used / self._capacity_as
-        self.state_of_charge = min(1.0, max(0.0, left))
+        self.state_of_charge = left if 0.0 <= left <= 1.0 else 0.0 if left < 0.0 else 1.0

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from math import cos, sin
 from typing import NamedTuple
 
 import numpy as np
 
 from koopman_lab.config.schema import Mocap
-from koopman_lab.geometry import Pose, compose, wrap_angle
+from koopman_lab.geometry import Pose, wrap_angle
 from koopman_lab.units import US_PER_S
 
 NOTHING = Pose(0.0, 0.0, 0.0)
@@ -53,21 +54,23 @@ class Cameras:
         if luck < self._lost_share or self._occluded(utime):
             frame = Frame(utime, NOTHING, False)
         else:
-            marker = compose(pose, self._marker)
+            x1, x2, theta = pose
+            c, s = cos(theta), sin(theta)
+            ahead, left, turn = self._marker
             seen = Pose(
-                marker.x1 + self._position_noise_m * e1,
-                marker.x2 + self._position_noise_m * e2,
-                wrap_angle(marker.theta + self._angle_noise_rad * e3),
+                x1 + c * ahead - s * left + self._position_noise_m * e1,
+                x2 + s * ahead + c * left + self._position_noise_m * e2,
+                wrap_angle(theta + turn + self._angle_noise_rad * e3),
             )
             frame = Frame(utime, seen, True)
         ready_us = utime + self._latency_us + round(delay * self._jitter_us)
-        if self._pending:
-            ready_us = max(ready_us, self._pending[-1][0])
+        if self._pending and self._pending[-1][0] > ready_us:
+            ready_us = self._pending[-1][0]
         self._pending.append((ready_us, frame))
 
     def ready(self, now_us: int) -> list[Frame]:
         """Return the frames whose latency has passed by ``now_us``, oldest first."""
-        frames = []
+        frames: list[Frame] = []
         while self._pending and self._pending[0][0] <= now_us:
             frames.append(self._pending.popleft()[1])
         return frames

@@ -70,12 +70,14 @@ class Drivetrain:
         masses = [[self._mass_left, self._mass_cross], [self._mass_cross, self._mass_right]]
         self._modes = np.linalg.eigh(np.array(masses))
         self._transitions: dict[int, Transition] = {}
+        self._held_us = 0
 
         # The body turns by right * w_r - left * w_l and drives half the sum of the rim speeds.
         self._turn_left, self._turn_right = left_m / track_m, right_m / track_m
         self._half_left, self._half_right = 0.5 * left_m, 0.5 * right_m
         self._mass_ahead = body.mass_kg * body.centre_of_mass_ahead_m
-        self.drive(0.0, 0.0)
+        self._share_left = self._share_right = 0.0
+        self._base_v, self._droop_left, self._droop_right = self._battery.terminal(0.0, 0.0)
 
     @property
     def battery_v(self) -> float:
@@ -88,11 +90,12 @@ class Drivetrain:
 
     @property
     def state_of_charge(self) -> float:
-        """Return what is left in the battery, in [0, 1]."""
+        """Return what was left in the battery, in [0, 1], when the duties were last set."""
         return self._battery.state_of_charge
 
     def drive(self, left_duty: float, right_duty: float) -> None:
-        """Set the duties, each in [-1, 1]."""
+        """Set the duties, each in [-1, 1]; what the last ones took is counted first."""
+        self._take_charge()
         self._share_left = left_duty * self._gain_left
         self._share_right = right_duty * self._gain_right
         # The charge changes so slowly that its voltage may stand still until the next duty.
@@ -105,16 +108,15 @@ class Drivetrain:
 
     def advance(self, step_us: int) -> None:
         """Integrate one step."""
+        self._held_us += step_us
         left, right = self.left_rad_per_s, self.right_rad_per_s
         torque_left, torque_right = self._torques(left, right)
-        direction_left = _sign(left)
-        direction_right = _sign(right)
-        if not direction_left or not direction_right:
+        direction_left, direction_right = _sign(left), _sign(right)
+        if not (direction_left and direction_right):
             direction_left, direction_right = self._released(
                 torque_left, torque_right, direction_left, direction_right
             )
             if not direction_left and not direction_right:
-                self._take_charge(0.0, 0.0, step_us)
                 return
         kept = self._transitions.get(step_us) or self._transition(step_us)
         if direction_left and direction_right:
@@ -141,7 +143,6 @@ class Drivetrain:
         # Friction stops a wheel, it does not turn it round; the next step decides on that.
         self.left_rad_per_s = after_left if after_left * direction_left > 0.0 else 0.0
         self.right_rad_per_s = after_right if after_right * direction_right > 0.0 else 0.0
-        self._take_charge(left, right, step_us)
 
     def _torques(self, left: float, right: float) -> tuple[float, float]:
         """Return what turns the wheels (N m), without back-EMF and friction."""
@@ -200,19 +201,15 @@ class Drivetrain:
         self._transitions[step_us] = transition
         return transition
 
-    def _take_charge(self, left: float, right: float, step_us: int) -> None:
-        step_s = step_us / US_PER_S
-        if not self._share_left and not self._share_right:
-            self._battery.take(0.0, step_s)
-            return
-        voltage = self.battery_v
-        mean_left = 0.5 * self._back_emf * (left + self.left_rad_per_s)
-        mean_right = 0.5 * self._back_emf * (right + self.right_rad_per_s)
+    def _take_charge(self) -> None:
+        """Count what the present duties have taken, by the current at their end."""
+        seconds, self._held_us = self._held_us / US_PER_S, 0
+        voltage, left, right = self.battery_v, self._share_left, self._share_right
         current = (
-            self._share_left * (self._share_left * voltage - mean_left)
-            + self._share_right * (self._share_right * voltage - mean_right)
+            left * (left * voltage - self._back_emf * self.left_rad_per_s)
+            + right * (right * voltage - self._back_emf * self.right_rad_per_s)
         ) / self._resistance_ohm
-        self._battery.take(current * step_s, step_s)
+        self._battery.take(current * seconds, seconds)
 
 
 def _sign(value: float) -> float:

@@ -107,7 +107,7 @@ class Plant:
         self.time_us = now_us
         drives, largest_us = self.drives, self._largest_step_us
         while remaining_us > 0:
-            step_us = min(remaining_us, largest_us)
+            step_us = remaining_us if remaining_us < largest_us else largest_us
             kink_us = drives.until_kink_us
             if kink_us is not None and kink_us < step_us:
                 step_us = kink_us
@@ -150,10 +150,11 @@ class Plant:
         # To first order, a small slip angle turns the direction of motion, outward in the curve.
         early -= self._slip * abs(v_early) * omega_early
         late -= self._slip * abs(v_late) * omega_late
+        theta += half_s * (omega + omega + d_omega)
         self.pose = Pose(
             x1 + half_s * (v_early * cos(early) + v_late * cos(late)),
             x2 + half_s * (v_early * sin(early) + v_late * sin(late)),
-            wrap_angle(theta + half_s * (omega + omega + d_omega)),
+            theta if -math.pi < theta <= math.pi else wrap_angle(theta),
         )
 
     def _count(self, angle_rad: float) -> int:

@@ -184,8 +184,8 @@ def test_the_battery_droops_under_load_and_runs_down():
     stalled_a = sum(g**2 for g in config.plant.motor.gain) / config.plant.motor.resistance_ohm
     drop = battery.resistance_ohm * stalled_a * drivetrain.battery_v
     assert drivetrain.battery_v == pytest.approx(idle_v - drop, rel=1e-9)
-    drivetrain.drive(0.0, 0.0)
     turn(drivetrain, (0.0, 0.0), 36.0)
+    drivetrain.drive(0.0, 0.0)
     used_ah = battery.board_current_a * 0.01
     left = battery.state_of_charge - used_ah / battery.capacity_ah
     assert drivetrain.state_of_charge == pytest.approx(left, rel=1e-9)
