@@ -11,7 +11,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 from onboard.plant.battery import Battery
 
-MOST_TRANSITIONS = 256
+MOST_TRANSITIONS = 8192
 
 
 class Transition(NamedTuple):
@@ -68,7 +68,9 @@ class Drivetrain:
         self._mass_cross = left_m * right_m * (along - about)
         self._mass_right = turning + right_m**2 * (along + about)
         masses = [[self._mass_left, self._mass_cross], [self._mass_cross, self._mass_right]]
-        self._modes = np.linalg.eigh(np.array(masses))
+        eigen = np.linalg.eigh(np.array(masses))
+        self._modes: list[float] = eigen.eigenvalues.tolist()
+        self._directions: list[list[float]] = eigen.eigenvectors.tolist()
         self._transitions: dict[int, Transition] = {}
         self._held_us = 0
 
@@ -186,16 +188,16 @@ class Drivetrain:
 
     def _transition(self, step_us: int) -> Transition:
         rate = -self._damping * step_us / US_PER_S
-        masses, directions = self._modes
-        both = directions @ np.diag(np.exp(rate / masses)) @ directions.T
+        first, second = (math.exp(rate / mass) for mass in self._modes)
+        (left_1, left_2), (right_1, right_2) = self._directions
         transition = Transition(
-            float(both[0, 0]),
-            float(both[0, 1]),
-            float(both[1, 1]),
+            left_1 * left_1 * first + left_2 * left_2 * second,
+            left_1 * right_1 * first + left_2 * right_2 * second,
+            right_1 * right_1 * first + right_2 * right_2 * second,
             math.exp(rate / self._mass_left),
             math.exp(rate / self._mass_right),
         )
-        # Timers of fixed rates make few lengths of step in lockstep, but any number in real time.
+        # Timers of fixed rates make few lengths of step in lockstep; in real time there is any.
         if len(self._transitions) >= MOST_TRANSITIONS:
             self._transitions.clear()
         self._transitions[step_us] = transition
