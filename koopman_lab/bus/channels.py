@@ -36,6 +36,9 @@ Rate = Literal["mocap", "motor", "wheel_state", "status", "control", "heartbeat"
 Owner = Literal["plant", "onboard", "logger", "sampler", "controller", "operator", "commander"]
 """Who publishes; ``commander`` is whichever of sampler and controller drives the robot."""
 
+ABOARD: Owner = "onboard"
+"""The node on the robot's board: between it and all others lie the radio and a second clock."""
+
 
 @dataclass(frozen=True)
 class Channel(Generic[M]):
@@ -46,6 +49,8 @@ class Channel(Generic[M]):
     rate: Rate
     publisher: Owner
     logged: bool = True
+    wired: bool = False
+    """Between the board and its own hardware: never crosses the radio."""
 
     def name(self, robot_name: str) -> str:
         """Return the channel name on the bus, for example ``R1_MOCAP_POSE``."""
@@ -65,8 +70,8 @@ class Channel(Generic[M]):
 
 
 MOCAP_POSE = Channel("MOCAP_POSE", lcmtypes.mocap_pose_t, "mocap", "plant")
-ENCODER = Channel("ENCODER", lcmtypes.encoder_t, "motor", "plant")
-MOTOR_CMD = Channel("MOTOR_CMD", lcmtypes.motor_command_t, "motor", "onboard")
+ENCODER = Channel("ENCODER", lcmtypes.encoder_t, "motor", "plant", wired=True)
+MOTOR_CMD = Channel("MOTOR_CMD", lcmtypes.motor_command_t, "motor", "onboard", wired=True)
 WHEEL_STATE = Channel("WHEEL_STATE", lcmtypes.wheel_state_t, "wheel_state", "onboard")
 ONBOARD_STATUS = Channel("ONBOARD_STATUS", lcmtypes.onboard_status_t, "status", "onboard")
 VELOCITY_CMD = Channel("VELOCITY_CMD", lcmtypes.velocity_command_t, "control", "commander")
@@ -102,20 +107,6 @@ CHANNELS: tuple[Channel[Any], ...] = (
     SESSION_INFO,
     *HEARTBEATS.values(),
 )
-
-
-def by_suffix(suffix: str) -> Channel[Any]:
-    """Return the row of a suffix.
-
-    Raises
-    ------
-    BusError
-        If the table has no such row; the message lists the table.
-    """
-    for channel in CHANNELS:
-        if channel.suffix == suffix:
-            return channel
-    raise BusError(f"no channel {suffix!r}; there are: {_listing(CHANNELS)}")
 
 
 def split_name(name: str) -> tuple[str, Channel[Any]]:

@@ -8,17 +8,15 @@ Every message is encoded and decoded as on the wire.
 from __future__ import annotations
 
 import heapq
-import zlib
 from collections.abc import Callable
+from functools import partial
 from itertools import count
 from typing import Any
 
-import numpy as np
-
-from koopman_lab.bus.channels import Channel, M, split_name
+from koopman_lab.bus.channels import Channel, M
 from koopman_lab.bus.node import Node
 from koopman_lab.bus.port import BasePort, Timer
-from koopman_lab.config.schema import LabConfig, Link
+from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 
 MESSAGE, TIMER = 0, 1
@@ -29,9 +27,10 @@ class LockstepPort(BasePort):
 
     virtual = True
 
-    def __init__(self, node_name: str, config: LabConfig, runner: Lockstep) -> None:
+    def __init__(self, node_name: str, config: LabConfig, runner: Lockstep, order: int) -> None:
         super().__init__(node_name, config, pid=0)
         self._runner = runner
+        self._order = order
 
     def now_us(self) -> int:
         """Return the virtual time in us, from 0."""
@@ -46,13 +45,16 @@ class LockstepPort(BasePort):
         """Queue the message for every node that listens."""
         self._runner.send(name, data)
 
+    def later(self, at_us: int, action: Callable[[int], None]) -> None:
+        """Call ``action`` at ``at_us`` among this node's messages."""
+        self._runner.push(at_us, self._order, action)
+
 
 class Lockstep:
     """Runs nodes in lockstep.
 
     Nodes are added in the order in which they act at equal times: plant, onboard, logger, then
-    who commands. ``config.bus.links`` may delay or drop the messages of a channel, for each
-    receiver on its own.
+    who commands.
     """
 
     def __init__(self, config: LabConfig) -> None:
@@ -65,17 +67,13 @@ class Lockstep:
         self._routes: dict[str, list[tuple[int, LockstepPort]]] = {}
         self._queue: list[tuple[int, int, int, int, Any]] = []
         self._sequence = count()
-        self._links: dict[str, tuple[Link, np.random.Generator]] = {}
         self._injector: LockstepPort | None = None
-        for suffix, link in config.bus.links.items():
-            seed = np.random.SeedSequence([config.seed, zlib.crc32(suffix.encode())])
-            self._links[suffix] = (link, np.random.default_rng(seed))
 
     def add(self, node: Node) -> None:
         """Attach a node; its order is the order of adding."""
-        port = LockstepPort(node.name, self._config, self)
-        port.attach(node)
         order = len(self._ports)
+        port = LockstepPort(node.name, self._config, self, order)
+        port.attach(node)
         self._nodes.append(node)
         self._ports.append(port)
         for name in port.handlers:
@@ -87,24 +85,17 @@ class Lockstep:
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message as if somebody outside the nodes had sent it now."""
         if self._injector is None:
-            self._injector = LockstepPort("", self._config, self)
+            self._injector = LockstepPort("", self._config, self, order=0)
         self._injector.publish(channel, message)
 
     def send(self, name: str, data: bytes) -> None:
         """Queue encoded bytes for every node that listens to a channel."""
-        routes = self._routes.get(name)
-        if not routes:
-            return
-        link = self._links.get(split_name(name)[1].suffix) if self._links else None
-        for order, port in routes:
-            arrival_us = self.now_us
-            if link is not None:
-                settings, rng = link
-                if rng.random() < settings.loss:
-                    continue
-                arrival_us += round(settings.delay_s * US_PER_S)
-            item = (arrival_us, order, MESSAGE, next(self._sequence), (port, name, data))
-            heapq.heappush(self._queue, item)
+        for order, port in self._routes.get(name, ()):
+            self.push(self.now_us, order, partial(port.deliver, name, data))
+
+    def push(self, at_us: int, order: int, action: Callable[[int], None]) -> None:
+        """Call ``action`` with the time at ``at_us``, among the messages of one node."""
+        heapq.heappush(self._queue, (at_us, order, MESSAGE, next(self._sequence), action))
 
     def run(
         self,
@@ -136,8 +127,7 @@ class Lockstep:
             heapq.heappop(self._queue)
             self.now_us = time_us
             if kind == MESSAGE:
-                port, name, data = what
-                port.deliver(name, data, time_us)
+                what(time_us)
             else:
                 what.fire(time_us)
                 self._push_timer(order, what)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import struct
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import lcmtypes
-from koopman_lab.bus.channels import HEARTBEATS, Channel, M
+from koopman_lab.bus.channels import ABOARD, CHANNELS, HEARTBEATS, Channel, M
 from koopman_lab.bus.node import Node, RawHandler, Tick
+from koopman_lab.bus.radio import RadioPair, radio_pair
 from koopman_lab.bus.sequence import SMALLEST_MESSAGE, SequenceCounter, peek
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
@@ -67,6 +69,8 @@ class BasePort(ABC):
         self._listeners: dict[str, list[Callable[[Any], None]]] = {}
         self._next_sequence: dict[str, int] = {}
         self._heartbeat_rate_hz = config.bus.heartbeat_rate_hz
+        self._radio: RadioPair | None = radio_pair(config) if node_name == ABOARD else None
+        self._wired = {c.name(self.robot_name) for c in CHANNELS if c.wired}
 
     @abstractmethod
     def now_us(self) -> int:
@@ -75,6 +79,10 @@ class BasePort(ABC):
     @abstractmethod
     def send(self, name: str, data: bytes) -> None:
         """Put an encoded message on the bus."""
+
+    @abstractmethod
+    def later(self, at_us: int, action: Callable[[int], None]) -> None:
+        """Call ``action`` with the time at ``at_us`` or, in real time, as soon after as it can."""
 
     def attach(self, node: Node) -> None:
         """Let the node register itself, then add its heartbeat."""
@@ -86,7 +94,13 @@ class BasePort(ABC):
         sequence = self._next_sequence.get(channel.suffix, 0)
         self._next_sequence[channel.suffix] = sequence + 1
         message.sequence = sequence
-        self.send(channel.name(self.robot_name), message.encode())
+        name, data, now_us = channel.name(self.robot_name), message.encode(), self.now_us()
+        # Numbered before the radio, so that the others see what it loses.
+        for at_us in self._arrivals(name, now_us, sending=True):
+            if at_us <= now_us:
+                self.send(name, data)
+            else:
+                self.later(at_us, lambda _: self.send(name, data))
 
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
         """Call ``handler`` with every message of a channel that can be decoded.
@@ -128,7 +142,21 @@ class BasePort(ABC):
         return {name: counter.lost for name, counter in self._counters.items()}
 
     def deliver(self, name: str, data: bytes, arrived_us: int) -> None:
-        """Hand a received message to the handlers of its channel."""
+        """Take a message off the bus; the radio may bring it to the node later, twice, or never."""
+        for at_us in self._arrivals(name, arrived_us, sending=False):
+            if at_us <= arrived_us:
+                self._receive(name, data, at_us)
+            else:
+                self.later(at_us, partial(self._receive, name, data))
+
+    def _arrivals(self, name: str, now_us: int, *, sending: bool) -> tuple[int, ...]:
+        if self._radio is None or name in self._wired:
+            return (now_us,)
+        direction = self._radio.from_robot if sending else self._radio.to_robot
+        return direction.arrivals(now_us)
+
+    def _receive(self, name: str, data: bytes, arrived_us: int) -> None:
+        """Hand a message to the handlers of its channel."""
         if len(data) >= SMALLEST_MESSAGE:
             counter = self._counters.get(name)
             if counter is None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import heapq
 import os
 import re
 import select
 import signal
 import time
 from collections.abc import Callable, Iterator
+from itertools import count
 from types import FrameType
 from typing import Any, NamedTuple
 
@@ -90,6 +92,8 @@ class RealtimePort(BasePort):
     def __init__(self, node_name: str, config: LabConfig, bus: lcm.LCM) -> None:
         super().__init__(node_name, config, pid=os.getpid())
         self._clock = Clock()
+        self._pending: list[tuple[int, int, Callable[[int], None]]] = []
+        self._pushed = count()
         self.bus = bus
 
     def now_us(self) -> int:
@@ -99,6 +103,22 @@ class RealtimePort(BasePort):
     def send(self, name: str, data: bytes) -> None:
         """Publish."""
         self.bus.publish(name, data)
+
+    def later(self, at_us: int, action: Callable[[int], None]) -> None:
+        """Call ``action`` when the loop next finds it due."""
+        heapq.heappush(self._pending, (at_us, next(self._pushed), action))
+
+    def next_us(self) -> int | None:
+        """Return when something is next due; None if nothing ever is."""
+        due = [timer.deadline_us for timer in self.timers]
+        if self._pending:
+            due.append(self._pending[0][0])
+        return min(due, default=None)
+
+    def run_pending(self) -> None:
+        """Run the actions that are due, oldest first."""
+        while self._pending and self._pending[0][0] <= (now_us := self.now_us()):
+            heapq.heappop(self._pending)[2](now_us)
 
     def listen(self) -> None:
         """Subscribe at LCM to every channel that has a handler; call once, after attaching."""
@@ -215,7 +235,7 @@ def _loop(port: RealtimePort, stop: StopSignals, lifeline_fd: int | None) -> Non
     for timer in port.timers:
         timer.start_us = start_us
     while not (stop.received or port.finished):
-        next_us = min((t.deadline_us for t in port.timers), default=None)
+        next_us = port.next_us()
         wait_s = LONGEST_WAIT_S
         if next_us is not None:
             wait_s = min(wait_s, max(0.0, (next_us - port.now_us()) / US_PER_S))
@@ -230,6 +250,7 @@ def _loop(port: RealtimePort, stop: StopSignals, lifeline_fd: int | None) -> Non
             if not stop.received:
                 raise
             return
+        port.run_pending()
         for timer in sorted(port.timers, key=lambda t: t.deadline_us):
             now_us = port.now_us()
             if timer.deadline_us <= now_us:

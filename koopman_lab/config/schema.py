@@ -10,9 +10,6 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from koopman_lab.bus.channels import by_suffix
-from koopman_lab.errors import BusError
-
 RobotKind = Literal["kinematic", "dynamic"]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -27,15 +24,7 @@ def _ordered(low_high: tuple[float, float]) -> tuple[float, float]:
     return low_high
 
 
-def _suffix(text: str) -> str:
-    try:
-        return by_suffix(text).suffix
-    except BusError as error:
-        raise ValueError(str(error)) from None
-
-
 Range = Annotated[tuple[Finite, Finite], AfterValidator(_ordered)]
-Suffix = Annotated[str, AfterValidator(_suffix)]
 Triple = tuple[Finite, Finite, Finite]
 
 
@@ -54,20 +43,32 @@ class Robot(Section):
     track_width_m: Positive
 
 
-class Link(Section):
-    """Delay and loss of one channel in lockstep."""
-
-    delay_s: NotNegative = 0.0
-    loss: Share = 0.0
-
-
 class Bus(Section):
     """LCM."""
 
     url: str
     receive_buffer_bytes: Annotated[int, Field(ge=65536)]
     heartbeat_rate_hz: Positive
-    links: dict[Suffix, Link]
+
+
+class RadioLink(Section):
+    """One direction of the radio; shares are of messages."""
+
+    delay_s: NotNegative
+    jitter_s: NotNegative
+    loss: Share
+    duplication: Share
+    reordering: Share
+    held_back_s: NotNegative
+    burst_rate_hz: NotNegative
+    burst_s: NotNegative
+
+
+class Radio(Section):
+    """Between desk and robot."""
+
+    to_robot: RadioLink
+    from_robot: RadioLink
 
 
 class Pid(Section):
@@ -280,6 +281,7 @@ class LabConfig(Section):
     seed: Annotated[int, Field(ge=0)]
     robot: Robot
     bus: Bus
+    radio: Radio
     motor_loop: MotorLoop
     plant: Plant
     mocap: Mocap

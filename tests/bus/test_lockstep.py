@@ -50,14 +50,6 @@ def test_messages_arrive_before_the_timers_of_the_same_instant():
     assert run(0.05).before_tick == [1, 2, 3, 4, 5, 6]
 
 
-def test_delay_and_loss_of_a_link():
-    heard = run(10.0, "bus.links={ENCODER: {delay_s: 0.003, loss: 0.25}}").heard
-    assert all(now - sent == 3000 for now, sent in heard)
-    assert 650 < len(heard) < 850
-    assert heard == run(10.0, "bus.links={ENCODER: {delay_s: 0.003, loss: 0.25}}").heard
-    assert heard != run(10.0, "bus.links={ENCODER: {delay_s: 0.003, loss: 0.25}}", "seed=2").heard
-
-
 def test_it_stops_when_a_node_has_finished_and_hands_out_what_was_sent():
     lockstep, hearer = Lockstep(load_config()), Hearer()
     talker = Talker()

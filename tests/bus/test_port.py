@@ -25,6 +25,9 @@ class Loop(BasePort):
     def send(self, name, data):
         self.sent.append((name, data))
 
+    def later(self, at_us, action):
+        self.sent.append((at_us, action))
+
 
 def test_late_ticks_are_skipped_and_counted_never_caught_up():
     ran = []

@@ -96,7 +96,10 @@ def message(tmp_path: Path, text: str, **kwargs) -> str:
         ("mocap: {rate_hz: .nan}\n", "lab.yaml:1: mocap.rate_hz: input should be a finite number"),
         ("mocap: [1\n", "lab.yaml:2: not valid YAML"),
         ("just words\n", "lab.yaml:1: expected sections such as 'controller:'"),
-        ("bus: {links: {MOCAP: {loss: 0.1}}}\n", "no channel 'MOCAP'; there are: MOCAP_POSE"),
+        (
+            "radio:\n  to_robot: {loss: 1.5}\n",
+            "lab.yaml:2: radio.to_robot.loss: input should be less than or equal to 1, found 1.5",
+        ),
         ("controller: {weights: {me: {q: [1, 2], r: [1, 1]}}}\n", "the kinematic robot has 3"),
     ],
 )

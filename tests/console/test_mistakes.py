@@ -58,9 +58,9 @@ CASES = {
         ("log", "info", "{runs}/good", "--channel", "R1_MOCAP"),
         ("R1_MOCAP", "R1_MOCAP_POSE"),
     ),
-    "unknown channel in the configuration": (
-        ("calibrate", "--lockstep", "--set", "bus.links={{MOCAP: {{loss: 0.1}}}}"),
-        ("'MOCAP'", "MOCAP_POSE"),
+    "impossible radio": (
+        ("calibrate", "--lockstep", "--set", "radio.to_robot.loss=1.5"),
+        ("radio.to_robot.loss", "less than or equal to 1", "1.5"),
     ),
     "model of the other robot": (
         ("park", "--model", "{runs}/model.npz", "--robot", "dynamic", "--lockstep"),
