@@ -10,6 +10,7 @@ from koopman_lab.bus.node import Port
 from koopman_lab.config.load import dump_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
+from offboard.time_server import TimeServer
 
 ONBOARD_TIMEOUT_S = 1.0
 """Ten of its status messages."""
@@ -72,11 +73,15 @@ class Commands:
 
     As long as the motor loop does not say that this commander holds the robot, each command
     offers to begin a sequence; that also takes the robot again after its watchdog has stopped it.
+
+    Who commands also tells the board the time: it is this clock that stamps the commands, and by
+    which their age is judged. The logger could not, as it only receives and stores.
     """
 
     def __init__(self, port: Port, config: LabConfig, commander: int) -> None:
         self._port = port
         self._commander = commander
+        TimeServer(port)
         self._accelerates = config.robot.kind == "dynamic"
         self._holds = False
         port.subscribe(channels.ONBOARD_STATUS, self._on_onboard)

@@ -32,7 +32,7 @@ class Message(Protocol):
 
 M = TypeVar("M", bound=Message)
 
-Rate = Literal["mocap", "motor", "wheel_state", "status", "control", "heartbeat", "event"]
+Rate = Literal["mocap", "motor", "wheel_state", "status", "control", "heartbeat", "ping", "event"]
 Owner = Literal["plant", "onboard", "logger", "sampler", "controller", "operator", "commander"]
 """Who publishes; ``commander`` is whichever of sampler and controller drives the robot."""
 
@@ -65,6 +65,7 @@ class Channel(Generic[M]):
             "status": config.motor_loop.status_rate_hz,
             "control": 1.0 / config.controller.dt_s,
             "heartbeat": config.bus.heartbeat_rate_hz,
+            "ping": config.clock.ping_rate_hz,
             "event": None,
         }[self.rate]
 
@@ -84,6 +85,9 @@ PLANT_TRUTH = Channel("PLANT_TRUTH", lcmtypes.plant_truth_t, "motor", "plant")
 SAMPLER_STATE = Channel("SAMPLER_STATE", lcmtypes.sampler_state_t, "control", "sampler")
 MPC_STATE = Channel("MPC_STATE", lcmtypes.mpc_state_t, "control", "controller")
 LOGGER_STATUS = Channel("LOGGER_STATUS", lcmtypes.logger_status_t, "heartbeat", "logger")
+TIME_PING = Channel("TIME_PING", lcmtypes.time_ping_t, "ping", "onboard")
+TIME_PONG = Channel("TIME_PONG", lcmtypes.time_pong_t, "ping", "commander")
+TIME_SYNC = Channel("TIME_SYNC", lcmtypes.time_sync_t, "ping", "onboard")
 SESSION_INFO = Channel("SESSION_INFO", lcmtypes.session_info_t, "heartbeat", "commander")
 HEARTBEATS: dict[str, Channel[lcmtypes.node_status_t]] = {
     node: Channel(f"{node.upper()}_HEARTBEAT", lcmtypes.node_status_t, "heartbeat", node)
@@ -104,6 +108,9 @@ CHANNELS: tuple[Channel[Any], ...] = (
     SAMPLER_STATE,
     MPC_STATE,
     LOGGER_STATUS,
+    TIME_PING,
+    TIME_PONG,
+    TIME_SYNC,
     SESSION_INFO,
     *HEARTBEATS.values(),
 )

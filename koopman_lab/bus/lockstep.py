@@ -28,11 +28,11 @@ class LockstepPort(BasePort):
     virtual = True
 
     def __init__(self, node_name: str, config: LabConfig, runner: Lockstep, order: int) -> None:
-        super().__init__(node_name, config, pid=0)
+        super().__init__(node_name, config, pid=0, start_us=runner.now_us)
         self._runner = runner
         self._order = order
 
-    def now_us(self) -> int:
+    def bus_us(self) -> int:
         """Return the virtual time in us, from 0."""
         return self._runner.now_us
 

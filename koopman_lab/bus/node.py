@@ -20,14 +20,17 @@ Tick = Callable[[int], None]
 
 
 class Port(Protocol):
-    """A node's side of the bus; times are int64 microseconds of a clock that never steps."""
+    """A node's side of the bus; times are int64 microseconds of a clock that never steps.
+
+    That clock is the node's own: the board's differs from the desk's.
+    """
 
     robot_name: str
     virtual: bool
     """True in lockstep: durations measured on the wall mean nothing and must not be published."""
 
     def now_us(self) -> int:
-        """Return the present time: the Unix epoch in real time, from 0 in lockstep."""
+        """Return the present time: of the Unix epoch in real time, from 0 in lockstep."""
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Encode and send a message; the runner fills in ``sequence``."""

@@ -10,9 +10,10 @@ from typing import Any
 
 import lcmtypes
 from koopman_lab.bus.channels import ABOARD, CHANNELS, HEARTBEATS, Channel, M
+from koopman_lab.bus.clock import DriftingClock
 from koopman_lab.bus.node import Node, RawHandler, Tick
 from koopman_lab.bus.radio import RadioPair, radio_pair
-from koopman_lab.bus.sequence import SMALLEST_MESSAGE, SequenceCounter, peek
+from koopman_lab.bus.sequence import SMALLEST_MESSAGE, SequenceCounter, peek, restamp
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 
@@ -56,7 +57,7 @@ class BasePort(ABC):
 
     virtual: bool
 
-    def __init__(self, node_name: str, config: LabConfig, pid: int) -> None:
+    def __init__(self, node_name: str, config: LabConfig, pid: int, start_us: int) -> None:
         self.robot_name = config.robot.name
         self.handlers: dict[str, list[RawHandler]] = {}
         self.timers: list[Timer] = []
@@ -69,12 +70,22 @@ class BasePort(ABC):
         self._listeners: dict[str, list[Callable[[Any], None]]] = {}
         self._next_sequence: dict[str, int] = {}
         self._heartbeat_rate_hz = config.bus.heartbeat_rate_hz
-        self._radio: RadioPair | None = radio_pair(config) if node_name == ABOARD else None
+        self._radio: RadioPair | None = None
+        self._clock: DriftingClock | None = None
+        if node_name == ABOARD:
+            self._radio, self._clock = radio_pair(config), DriftingClock(config.clock, start_us)
         self._wired = {c.name(self.robot_name) for c in CHANNELS if c.wired}
 
     @abstractmethod
+    def bus_us(self) -> int:
+        """Return the present time of the bus, in which the runner plans (us)."""
+
     def now_us(self) -> int:
-        """Return the present time in us."""
+        """Return the present time by the node's own clock (us)."""
+        return self._own_us(self.bus_us())
+
+    def _own_us(self, bus_us: int) -> int:
+        return bus_us if self._clock is None else self._clock.read(bus_us)
 
     @abstractmethod
     def send(self, name: str, data: bytes) -> None:
@@ -94,7 +105,7 @@ class BasePort(ABC):
         sequence = self._next_sequence.get(channel.suffix, 0)
         self._next_sequence[channel.suffix] = sequence + 1
         message.sequence = sequence
-        name, data, now_us = channel.name(self.robot_name), message.encode(), self.now_us()
+        name, data, now_us = channel.name(self.robot_name), message.encode(), self.bus_us()
         # Numbered before the radio, so that the others see what it loses.
         for at_us in self._arrivals(name, now_us, sending=True):
             if at_us <= now_us:
@@ -130,8 +141,12 @@ class BasePort(ABC):
         self.handlers.setdefault(channel.name(self.robot_name), []).append(handler)
 
     def every(self, rate_hz: float, tick: Tick) -> None:
-        """Call ``tick`` at absolute deadlines."""
-        self.timers.append(Timer(rate_hz, tick))
+        """Call ``tick`` at absolute deadlines.
+
+        They keep the pace of the bus, also aboard: on a real board motor ticks and encoder
+        readings hang on one crystal, and the plant's encoders could not slide along with another.
+        """
+        self.timers.append(Timer(rate_hz, lambda bus_us: tick(self._own_us(bus_us))))
 
     def finish(self) -> None:
         """Tell the runner that this node's work is done."""
@@ -142,7 +157,10 @@ class BasePort(ABC):
         return {name: counter.lost for name, counter in self._counters.items()}
 
     def deliver(self, name: str, data: bytes, arrived_us: int) -> None:
-        """Take a message off the bus; the radio may bring it to the node later, twice, or never."""
+        """Take a message off the bus at ``arrived_us`` of the bus.
+
+        The radio may bring it to the node later, twice, or never.
+        """
         for at_us in self._arrivals(name, arrived_us, sending=False):
             if at_us <= arrived_us:
                 self._receive(name, data, at_us)
@@ -157,13 +175,17 @@ class BasePort(ABC):
 
     def _receive(self, name: str, data: bytes, arrived_us: int) -> None:
         """Hand a message to the handlers of its channel."""
+        own_us = self._own_us(arrived_us)
         if len(data) >= SMALLEST_MESSAGE:
+            if name in self._wired and self._clock is not None:
+                # The board reads its encoders itself, and so stamps them by its own clock.
+                data = restamp(data, self._clock.read(peek(data)[0]))
             counter = self._counters.get(name)
             if counter is None:
                 counter = self._counters[name] = SequenceCounter()
             counter.update(peek(data)[1])
         for handler in self.handlers[name]:
-            handler(name, data, arrived_us)
+            handler(name, data, own_us)
 
     def ticks(self) -> tuple[int, int]:
         """Return ``(run, missed)`` over all timers."""

@@ -90,15 +90,15 @@ class RealtimePort(BasePort):
     virtual = False
 
     def __init__(self, node_name: str, config: LabConfig, bus: lcm.LCM) -> None:
-        super().__init__(node_name, config, pid=os.getpid())
-        self._clock = Clock()
+        self._bus_clock = Clock()
+        super().__init__(node_name, config, os.getpid(), self.bus_us())
         self._pending: list[tuple[int, int, Callable[[int], None]]] = []
         self._pushed = count()
         self.bus = bus
 
-    def now_us(self) -> int:
+    def bus_us(self) -> int:
         """Return the present time in us since the Unix epoch."""
-        return self._clock.now_us()
+        return self._bus_clock.now_us()
 
     def send(self, name: str, data: bytes) -> None:
         """Publish."""
@@ -117,13 +117,13 @@ class RealtimePort(BasePort):
 
     def run_pending(self) -> None:
         """Run the actions that are due, oldest first."""
-        while self._pending and self._pending[0][0] <= (now_us := self.now_us()):
+        while self._pending and self._pending[0][0] <= (now_us := self.bus_us()):
             heapq.heappop(self._pending)[2](now_us)
 
     def listen(self) -> None:
         """Subscribe at LCM to every channel that has a handler; call once, after attaching."""
         for name in self.handlers:
-            subscribe(self.bus, name, lambda n, data: self.deliver(n, data, self.now_us()))
+            subscribe(self.bus, name, lambda n, data: self.deliver(n, data, self.bus_us()))
 
     def drain(self) -> None:
         """Handle everything that has arrived."""
@@ -231,14 +231,14 @@ def _loop(port: RealtimePort, stop: StopSignals, lifeline_fd: int | None) -> Non
     wait_for: list[Any] = [bus_fd, stop]
     if lifeline_fd is not None:
         wait_for.append(lifeline_fd)
-    start_us = port.now_us()
+    start_us = port.bus_us()
     for timer in port.timers:
         timer.start_us = start_us
     while not (stop.received or port.finished):
         next_us = port.next_us()
         wait_s = LONGEST_WAIT_S
         if next_us is not None:
-            wait_s = min(wait_s, max(0.0, (next_us - port.now_us()) / US_PER_S))
+            wait_s = min(wait_s, max(0.0, (next_us - port.bus_us()) / US_PER_S))
         readable, _, _ = select.select(wait_for, (), (), wait_s)
         if lifeline_fd is not None and lifeline_fd in readable:
             return
@@ -252,7 +252,7 @@ def _loop(port: RealtimePort, stop: StopSignals, lifeline_fd: int | None) -> Non
             return
         port.run_pending()
         for timer in sorted(port.timers, key=lambda t: t.deadline_us):
-            now_us = port.now_us()
+            now_us = port.bus_us()
             if timer.deadline_us <= now_us:
                 lateness = timer.fire(now_us)
                 port.worst_lateness_us = max(port.worst_lateness_us, lateness)
@@ -278,7 +278,7 @@ class Listener:
         self._port.subscribe(channel, handler)
         if not known:
             port = self._port
-            subscribe(self._bus, name, lambda n, data: port.deliver(n, data, port.now_us()))
+            subscribe(self._bus, name, lambda n, data: port.deliver(n, data, port.bus_us()))
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message; its ``utime`` is the caller's to set (see :meth:`now_us`)."""

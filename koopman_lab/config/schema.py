@@ -71,6 +71,25 @@ class Radio(Section):
     from_robot: RadioLink
 
 
+class Clock(Section):
+    """The board's clock against the desk's, and how the board finds out."""
+
+    offset_s: Finite
+    drift_ppm: Finite
+    ping_rate_hz: Positive
+    window_s: Positive
+    largest_drift_ppm: NotNegative
+
+    @model_validator(mode="after")
+    def _within_what_the_board_expects(self) -> Clock:
+        if abs(self.drift_ppm) > self.largest_drift_ppm:
+            raise ValueError(
+                f"drift_ppm {self.drift_ppm:g} is beyond largest_drift_ppm "
+                f"{self.largest_drift_ppm:g}, so that no error bound would hold"
+            )
+        return self
+
+
 class Pid(Section):
     """One wheel's speed controller; the error is in rad/s, the output is a duty in [-1, 1]."""
 
@@ -282,6 +301,7 @@ class LabConfig(Section):
     robot: Robot
     bus: Bus
     radio: Radio
+    clock: Clock
     motor_loop: MotorLoop
     plant: Plant
     mocap: Mocap

@@ -9,6 +9,7 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import body_velocity
+from onboard.desk_time import DeskTime
 from onboard.motor_loop.hold import Command, Intent
 from onboard.motor_loop.loop import MotorLoop
 
@@ -20,12 +21,14 @@ class OnboardNode:
 
     def __init__(self, config: LabConfig) -> None:
         self.loop = MotorLoop(config)
+        self._config = config
         self._robot = config.robot
         self._rates = config.motor_loop
 
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
         self._port = port
+        self._time = DeskTime(port, self._config)
         port.subscribe(channels.ENCODER, self._on_encoder)
         port.subscribe(channels.ESTOP, lambda message: self.loop.estop(message.engaged))
         port.subscribe_raw(channels.VELOCITY_CMD, self._on_command)
@@ -48,7 +51,8 @@ class OnboardNode:
         except (ValueError, struct.error):
             self.loop.refuse_type()
             return
-        self.loop.command(command, arrived_us)
+        utime = self._time.to_board(command.utime)
+        self.loop.command(command._replace(utime=utime), arrived_us)
 
     def _decode(self, data: bytes) -> Command:
         # The fingerprint decides: the other robot's type raises ValueError here.
@@ -65,7 +69,7 @@ class OnboardNode:
 
     def _send_duties(self, left: float, right: float, utime: int) -> None:
         message = lcmtypes.motor_command_t()
-        message.utime = utime
+        message.utime = self._time.to_desk(utime)
         message.left_duty, message.right_duty = left, right
         self._port.publish(channels.MOTOR_CMD, message)
 
@@ -75,7 +79,7 @@ class OnboardNode:
         if mean is None:
             return
         message = lcmtypes.wheel_state_t()
-        message.utime, message.window_s = mean.utime, mean.window_s
+        message.utime, message.window_s = self._time.to_desk(mean.utime), mean.window_s
         message.left_rad_per_s, message.right_rad_per_s = mean.left, mean.right
         message.v_m_per_s, message.omega_rad_per_s = body_velocity(
             mean.left, mean.right, self._robot.wheel_radius_m, self._robot.track_width_m
@@ -86,7 +90,7 @@ class OnboardNode:
         loop, hold = self.loop, self.loop.hold
         refused = hold.counts.refused
         message = lcmtypes.onboard_status_t()
-        message.utime = tick_us
+        message.utime = self._time.to_desk(tick_us)
         message.state = loop.state
         message.fault = loop.fault
         message.commander = hold.holder

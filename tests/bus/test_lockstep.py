@@ -5,6 +5,8 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config
 
+CONFIG = load_config(preset="ideal")
+
 
 class Talker:
     name = "plant"
@@ -38,8 +40,8 @@ class Hearer:
         pass
 
 
-def run(seconds, *overrides):
-    lockstep, hearer = Lockstep(load_config(overrides=overrides)), Hearer()
+def run(seconds):
+    lockstep, hearer = Lockstep(CONFIG), Hearer()
     lockstep.add(Talker())
     lockstep.add(hearer)
     lockstep.run(seconds)
@@ -51,7 +53,7 @@ def test_messages_arrive_before_the_timers_of_the_same_instant():
 
 
 def test_it_stops_when_a_node_has_finished_and_hands_out_what_was_sent():
-    lockstep, hearer = Lockstep(load_config()), Hearer()
+    lockstep, hearer = Lockstep(CONFIG), Hearer()
     talker = Talker()
     lockstep.add(talker)
     lockstep.add(hearer)
@@ -68,7 +70,7 @@ def test_it_stops_when_a_node_has_finished_and_hands_out_what_was_sent():
 
 
 def test_until_and_injected_messages():
-    lockstep, hearer = Lockstep(load_config()), Hearer()
+    lockstep, hearer = Lockstep(CONFIG), Hearer()
     lockstep.add(hearer)
     lockstep.publish(channels.ENCODER, lcmtypes.encoder_t())
     assert lockstep.run(10.0, until=lambda: lockstep.now_us >= 3_000_000)

@@ -9,6 +9,8 @@ from koopman_lab.bus.sequence import SequenceCounter
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import BusError
 
+CONFIG = load_config()
+
 
 class Loop(BasePort):
     """A port that hears itself."""
@@ -16,10 +18,10 @@ class Loop(BasePort):
     virtual = True
 
     def __init__(self):
-        super().__init__("plant", load_config(), pid=0)
+        super().__init__("plant", CONFIG, pid=0, start_us=0)
         self.sent = []
 
-    def now_us(self):
+    def bus_us(self):
         return 0
 
     def send(self, name, data):

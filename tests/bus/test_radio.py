@@ -112,6 +112,7 @@ def converse(*overrides):
         load_config(
             overrides=[
                 *(f"radio.to_robot={link}", "radio.from_robot={delay_s: 0.001, jitter_s: 0}"),
+                *("clock.offset_s=0", "clock.drift_ppm=0"),
                 *overrides,
             ]
         )

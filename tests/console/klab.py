@@ -17,6 +17,9 @@ SMALL_AREA = [
 ]
 """Short drives, for sessions in real time."""
 
+NO_RADIO_LOSS = ("--set", "radio.from_robot.loss=0.0")
+"""So that every message that is missing was lost on this machine."""
+
 
 def klab(*arguments: str | Path, **kwargs) -> subprocess.CompletedProcess[str]:
     """Run to the end and return what it said."""

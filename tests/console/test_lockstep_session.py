@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from klab import klab, klab_json, klab_ok
+from klab import NO_RADIO_LOSS, klab, klab_json, klab_ok
 
 from koopman_lab.koopman.model import BilinearModel
 
@@ -14,7 +14,10 @@ CHANNELS = {"MOCAP_POSE": 240.0, "ENCODER": 100.0, "WHEEL_STATE": 20.0, "VELOCIT
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "calibration"
-    klab_ok("calibrate", "--robot", "kinematic", "--lockstep", "--seed", "3", "--out", folder)
+    klab_ok(
+        *("calibrate", "--robot", "kinematic", "--lockstep", "--seed", "3", "--out", folder),
+        *NO_RADIO_LOSS,
+    )
     return folder
 
 

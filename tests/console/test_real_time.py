@@ -9,7 +9,7 @@ from pathlib import Path
 
 import lcm
 import pytest
-from klab import KLAB, SMALL_AREA, alive, klab, klab_ok, start_klab
+from klab import KLAB, NO_RADIO_LOSS, SMALL_AREA, alive, klab, klab_ok, start_klab
 
 import lcmtypes
 from koopman_lab.bus.channels import HEARTBEATS, ONBOARD_STATUS
@@ -156,7 +156,7 @@ def test_session_beside_lcm_logger_replayed_by_lcm_logplayer(bus_url, tmp_path):
         stdout=subprocess.DEVNULL,
     )
     try:
-        klab_ok("calibrate", "--segments", "3", "--out", ours.parent, *SMALL_AREA)
+        klab_ok("calibrate", "--segments", "3", "--out", ours.parent, *SMALL_AREA, *NO_RADIO_LOSS)
     finally:
         peer.terminate()
         assert peer.wait(timeout=10) == 0

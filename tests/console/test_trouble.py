@@ -4,7 +4,7 @@ import json
 import subprocess
 
 import pytest
-from klab import SMALL_AREA, klab, klab_ok, start_klab
+from klab import NO_RADIO_LOSS, SMALL_AREA, klab, klab_ok, start_klab
 
 from koopman_lab.bus.channels import HEARTBEATS
 from koopman_lab.bus.realtime import Listener
@@ -55,7 +55,7 @@ def test_silent_cameras_are_said_and_not_waited_for(start, model, tmp_path):
 
 
 def test_the_logger_of_a_lab_that_is_up_is_not_taken_for_loss(start, tmp_path):
-    start("up", "--out", tmp_path / "up", until={"plant", "onboard", "logger"})
+    start("up", *NO_RADIO_LOSS, "--out", tmp_path / "up", until={"plant", "onboard", "logger"})
     out = tmp_path / "session"
     klab_ok("calibrate", "--segments", "1", "--out", out, *SMALL_AREA)
     assert json.loads((out / "summary.json").read_text())["messages_lost"] == 0

@@ -1,0 +1,29 @@
+"""A node's own clock, where it is not the desk's."""
+
+from __future__ import annotations
+
+from koopman_lab.config.schema import Clock
+from koopman_lab.units import US_PER_S
+
+PPM = 1e-6
+
+
+class DriftingClock:
+    """Goes wrong by an offset and a drift, and never steps.
+
+    Parameters
+    ----------
+    settings
+        Offset and drift.
+    start_us
+        Time of the bus (us) at which it is wrong by exactly the offset.
+    """
+
+    def __init__(self, settings: Clock, start_us: int) -> None:
+        self._offset_us = round(settings.offset_s * US_PER_S)
+        self._drift = settings.drift_ppm * PPM
+        self._start_us = start_us
+
+    def read(self, bus_us: int) -> int:
+        """Return what the clock shows (us) at a time of the bus (us)."""
+        return bus_us + self._offset_us + round((bus_us - self._start_us) * self._drift)
