@@ -11,6 +11,9 @@ _UTIME, _UTIME_AT = struct.Struct(">q"), 8
 
 SMALLEST_MESSAGE = _HEADER.size
 
+LATEST = 64
+"""A message that so many have overtaken counts as lost."""
+
 
 def peek(data: bytes) -> tuple[int, int]:
     """Return ``(utime, sequence)`` of an encoded message without decoding the rest.
@@ -33,16 +36,33 @@ def restamp(data: bytes, utime: int) -> bytes:
 class SequenceCounter:
     """Counts missing messages of one stream.
 
-    A number lower than expected is a publisher that started again, not a loss.
+    A message that was overtaken is missing until it comes; the newest number once more is a
+    repetition; any other number lower than expected is a publisher that started again.
     """
 
     def __init__(self) -> None:
         self.lost = 0
+        self.restarts = 0
         self._next: int | None = None
+        self._missing: set[int] = set()
 
     def update(self, sequence: int) -> int:
         """Take the next received number; return how many were missing just before it."""
-        gap = 0 if self._next is None else max(0, sequence - self._next)
+        if sequence in self._missing:
+            self._missing.discard(sequence)
+            self.lost -= 1
+            return 0
+        expected = sequence if self._next is None else self._next
+        if sequence == expected - 1:
+            return 0
+        gap = max(0, sequence - expected)
+        if gap:
+            oldest = sequence - LATEST
+            self._missing = {number for number in self._missing if number >= oldest}
+            self._missing.update(range(max(expected, oldest), sequence))
+        elif sequence < expected:
+            self.restarts += 1
+            self._missing.clear()
         self._next = sequence + 1
         self.lost += gap
         return gap

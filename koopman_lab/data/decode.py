@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lcmtypes
-from koopman_lab.bus.channels import SESSION_INFO, Channel, M, split_name
-from koopman_lab.bus.sequence import SMALLEST_MESSAGE
+from koopman_lab.bus.channels import ABOARD, SESSION_INFO, Channel, M, split_name
+from koopman_lab.bus.sequence import LATEST, SMALLEST_MESSAGE, SequenceCounter
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.eventlog import Damage, load_log, scan
@@ -23,6 +23,9 @@ from koopman_lab.units import US_PER_S
 
 LOG_NAME = "session.lcm"
 """The log of a session folder."""
+
+LARGEST_PAUSE_S = 60.0
+"""A longer step between two messages that follow each other is a clock that was set."""
 
 _HEADER = np.dtype([("fingerprint", ">u8"), ("utime", ">i8"), ("sequence", ">i8")])
 
@@ -102,9 +105,13 @@ class SessionLog:
 
     @property
     def duration_s(self) -> float:
-        """Return the time from the first to the last message (s)."""
-        first = min(channel.first_us for channel in self.channels.values())
-        return (max(channel.last_us for channel in self.channels.values()) - first) / US_PER_S
+        """Return the time from the first to the last message (s), as far as the desk stamped it.
+
+        What the board said before it knew the desk's time may bear any time.
+        """
+        names = [name for name in self.channels if not _is_of_the_board(name)] or self.channels
+        first = min(self.channels[name].first_us for name in names)
+        return (max(self.channels[name].last_us for name in names) - first) / US_PER_S
 
     @property
     def robot_name(self) -> str:
@@ -205,6 +212,10 @@ def _is_ours(name: str) -> bool:
     return True
 
 
+def _is_of_the_board(name: str) -> bool:
+    return _is_ours(name) and split_name(name)[1].publisher == ABOARD
+
+
 def _fingerprint(name: str) -> bytes | None:
     """Return how every message of a channel begins, None if the channel is none of this lab."""
     fingerprint: bytes | None = None
@@ -217,7 +228,7 @@ def _summary(
     messages: list[bytes], arrivals: list[int], fingerprint: bytes | None
 ) -> ChannelSummary:
     times = np.array(arrivals, np.int64)
-    missing = np.zeros(0, np.int64)
+    missing, jumps_us = np.zeros(0, np.int64), 0
     # Damaged bytes inside a message leave its frame intact, and no number to count by.
     headers = [
         data[:SMALLEST_MESSAGE]
@@ -227,9 +238,10 @@ def _summary(
     if headers:
         raw = np.frombuffer(b"".join(headers), _HEADER)
         times = raw["utime"].astype(np.int64)
-        missing = _missing(raw["sequence"].astype(np.int64))
+        sequence = raw["sequence"].astype(np.int64)
+        missing, jumps_us = _missing(sequence), _clock_jumps_us(times, sequence)
     first_us, last_us = int(times.min()), int(times.max())
-    span_us = last_us - first_us
+    span_us = last_us - first_us - jumps_us
     return ChannelSummary(
         len(messages),
         first_us,
@@ -240,18 +252,40 @@ def _summary(
     )
 
 
+def _clock_jumps_us(times: NDArray[np.int64], sequence: NDArray[np.int64]) -> int:
+    """Return how far a stream's clock was set forward in all: steps that no gap accounts for."""
+    steps, numbers = np.diff(times), np.diff(sequence)
+    forward = numbers > 0
+    if not forward.any():
+        return 0
+    steps, numbers = steps[forward], numbers[forward]
+    expected = np.median(steps / numbers) * numbers
+    excess = steps - expected
+    return int(excess[excess > LARGEST_PAUSE_S * US_PER_S].sum())
+
+
 def _missing(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the size of each gap; a lower number is a publisher that started again."""
-    missing = np.diff(_without_slips(sequence)) - 1
+    """Return the size of each gap, of each publisher on its own if it started again."""
+    sequence = _without_slips(sequence)
+    if np.all(np.diff(sequence) > 0):
+        publishers = [sequence]
+    else:
+        counter, starts = SequenceCounter(), []
+        for number in sequence.tolist():
+            counter.update(number)
+            starts.append(counter.restarts)
+        publisher = np.array(starts)
+        publishers = [np.unique(sequence[publisher == k]) for k in range(counter.restarts + 1)]
+    missing = np.concatenate([np.diff(numbers) for numbers in publishers]) - 1
     return missing[missing > 0]
 
 
 def _without_slips(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the numbers without single lower ones between rising neighbours.
+    """Return the numbers without single far lower ones between rising neighbours.
 
-    Such a one is damage, or a message that others overtook, and no publisher that started again.
+    Such a one is damage, and no publisher that started again.
     """
     before, here, after = sequence[:-2], sequence[1:-1], sequence[2:]
     kept = np.ones(len(sequence), bool)
-    kept[1:-1] = ~((here < before) & (before < after))
+    kept[1:-1] = ~((here < before - LATEST) & (before < after))
     return sequence[kept]

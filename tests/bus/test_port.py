@@ -64,6 +64,14 @@ def test_a_publisher_that_starts_again_is_no_loss():
     assert [counter.update(n) for n in (7, 8, 0, 1, 4)] == [0, 0, 0, 0, 2]
 
 
+@given(st.permutations(range(10)), st.integers(1, 1000))
+def test_what_was_overtaken_or_came_twice_is_no_loss(order, start):
+    counter = SequenceCounter()
+    for sequence in (start - 1, start - 1, *(start + n for n in order), start + 10, start + 10):
+        counter.update(sequence)
+    assert counter.lost == 0
+
+
 def test_messages_are_numbered_per_channel():
     port = Loop()
     for _ in range(3):

@@ -3,7 +3,14 @@ import pytest
 from synthetic_session import EPOCH_US, Session
 
 import lcmtypes
-from koopman_lab.bus.channels import ENCODER, MOCAP_POSE, SAMPLER_STATE, SESSION_INFO
+from koopman_lab.bus.channels import (
+    ENCODER,
+    LOGGER_STATUS,
+    MOCAP_POSE,
+    ONBOARD_STATUS,
+    SAMPLER_STATE,
+    SESSION_INFO,
+)
 from koopman_lab.data.decode import ChannelSummary, SessionLog
 from koopman_lab.data.eventlog import EventLogWriter
 from koopman_lab.errors import ConfigError, LogError
@@ -63,6 +70,40 @@ def test_loss_is_seen_by_sequence_numbers_and_a_restart_is_no_loss(tmp_path):
     assert log.channels["R1_MOCAP_POSE"] == ChannelSummary(
         7, 0, 9000, pytest.approx(6 / 0.009), lost=5, gaps=2
     )
+
+
+@pytest.mark.parametrize(
+    ("numbers", "lost", "gaps"),
+    [
+        ([0, 2, 1, 3], 0, 0),
+        ([0, 0, 1, 2, 2], 0, 0),
+        ([0, 3, 2, 4, 9, 8], 4, 2),
+        ([7, 9, 8, 0, 2], 1, 1),
+    ],
+    ids=["overtaken", "twice", "overtaken and lost", "started again"],
+)
+def test_what_the_radio_overtakes_or_repeats_is_not_lost(tmp_path, numbers, lost, gaps):
+    seen = SessionLog(write(tmp_path / "log.lcm", frames(numbers))).channels["R1_MOCAP_POSE"]
+    assert (seen.lost, seen.gaps) == (lost, gaps)
+
+
+def test_a_board_that_learns_the_time_has_not_lived_longer(tmp_path):
+    """Ten messages a second for ten seconds each, before and after its clock jumps by an hour."""
+    messages = []
+    for number in range(200):
+        status = lcmtypes.onboard_status_t()
+        status.utime, status.sequence = 100_000 * number, number
+        logger = lcmtypes.logger_status_t()
+        logger.utime, logger.sequence = status.utime, number
+        if number < 100:
+            status.utime -= 3_600_000_000
+        messages += [
+            (row.name("R1"), message.encode(), logger.utime + 500)
+            for row, message in ((ONBOARD_STATUS, status), (LOGGER_STATUS, logger))
+        ]
+    log = SessionLog(write(tmp_path / "log.lcm", messages))
+    assert log.channels["R1_ONBOARD_STATUS"].rate_hz == pytest.approx(10.0, rel=1e-3)
+    assert log.duration_s == pytest.approx(19.9)
 
 
 def test_channels_of_other_programs_are_counted_by_arrival(tmp_path):
