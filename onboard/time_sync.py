@@ -16,6 +16,9 @@ LARGEST_OFFSET_US = 2**61
 READING_ERROR_US = 2.0
 """Clocks are read in whole microseconds, twice on each side."""
 
+SLOTS = 100
+"""Of the window."""
+
 
 class Exchange(NamedTuple):
     """One ping and its answer: board, desk, desk, board (us)."""
@@ -32,6 +35,7 @@ class _Sample(NamedTuple):
     at_us: float
     offset_us: float
     error_us: float
+    round_trip_us: int
 
 
 class TimeSync:
@@ -39,8 +43,8 @@ class TimeSync:
 
     An exchange tells the offset within half its round trip, since the ping took some time and so
     did the answer. The exchange whose bound, aged by what is not known of the drift, is smallest
-    is the anchor of the map; the drift comes from the best exchanges of both halves of the
-    window, and counts as constant over it. Nothing is slewed: the clock itself is never touched.
+    is the anchor of the map; the drift comes from the best exchanges of the first and the last
+    third of the window, and counts as constant over it. The clock itself is never touched.
 
     Parameters
     ----------
@@ -50,6 +54,7 @@ class TimeSync:
 
     def __init__(self, settings: Clock) -> None:
         self.drift = 0.0
+        self.exchanges = 0
         self.restarts = 0
         self._window_us = settings.window_s * US_PER_S
         limit = settings.largest_drift_ppm * PPM
@@ -60,11 +65,6 @@ class TimeSync:
         self._anchor: _Sample | None = None
 
     @property
-    def exchanges(self) -> int:
-        """Return how many exchanges are in the window."""
-        return len(self._samples)
-
-    @property
     def synced(self) -> bool:
         """Return whether the offset is known at all."""
         return self._anchor is not None
@@ -72,7 +72,7 @@ class TimeSync:
     @property
     def round_trip_us(self) -> int:
         """Return the smallest round trip in the window (us)."""
-        return round(2.0 * min((s.error_us for s in self._samples), default=0.0))
+        return min((s.round_trip_us for s in self._samples), default=0)
 
     def take(self, exchange: Exchange) -> bool:
         """Take an exchange; return whether it tells anything."""
@@ -84,11 +84,13 @@ class TimeSync:
         error = round_trip / 2 + self._largest_drift * (arrived - sent) / 2 + READING_ERROR_US
         if error < 0.0 or abs(offset) > LARGEST_OFFSET_US:
             return False
-        sample = _Sample((sent + arrived) / 2, offset, error)
+        sample = _Sample((sent + arrived) / 2, offset, error, round_trip)
         if self._contradicts(sample):
             self._samples.clear()
+            self.exchanges = 0
             self.restarts += 1
-        self._samples.append(sample)
+        self.exchanges += 1
+        self._keep(sample)
         while sample.at_us - self._samples[0].at_us > self._window_us:
             self._samples.popleft()
         self._estimate_drift()
@@ -112,6 +114,15 @@ class TimeSync:
         near_us = desk_us - self.offset_us(desk_us)
         return desk_us - self.offset_us(near_us)
 
+    def _keep(self, sample: _Sample) -> None:
+        """Keep the best sample of each slot, so that a small board has little to look through."""
+        slot_us = self._window_us / SLOTS
+        if self._samples and sample.at_us // slot_us == self._samples[-1].at_us // slot_us:
+            if sample.error_us > self._samples[-1].error_us:
+                return
+            self._samples.pop()
+        self._samples.append(sample)
+
     def _offset_us(self, anchor: _Sample, board_us: float) -> float:
         return anchor.offset_us + self.drift * (board_us - anchor.at_us)
 
@@ -128,15 +139,16 @@ class TimeSync:
     def _estimate_drift(self) -> None:
         limit = self._largest_drift
         self.drift, self.drift_error = 0.0, limit
-        middle_us = (self._samples[0].at_us + self._samples[-1].at_us) / 2
-        early = min((s for s in self._samples if s.at_us <= middle_us), key=_error)
-        late = min((s for s in self._samples if s.at_us >= middle_us), key=_error)
+        first_us, last_us = self._samples[0].at_us, self._samples[-1].at_us
+        third_us = (last_us - first_us) / 3.0
+        early = min((s for s in self._samples if s.at_us <= first_us + third_us), key=_error)
+        late = min((s for s in self._samples if s.at_us >= last_us - third_us), key=_error)
         apart_us = late.at_us - early.at_us
-        # Over a shorter time the drift disappears in the jitter.
-        if apart_us < self._window_us / 4.0:
+        error_us = late.error_us + early.error_us
+        if error_us >= limit * apart_us:
+            # So far the exchanges tell less than what is known of every crystal.
             return
-        slope = (late.offset_us - early.offset_us) / apart_us
-        error = (late.error_us + early.error_us) / apart_us
+        slope, error = (late.offset_us - early.offset_us) / apart_us, error_us / apart_us
         self.drift = max(-limit, min(limit, slope))
         low, high = max(-limit, slope - error), min(limit, slope + error)
         self.drift_error = max(high - self.drift, self.drift - low)

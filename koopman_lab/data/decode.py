@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lcmtypes
-from koopman_lab.bus.channels import ABOARD, SESSION_INFO, Channel, M, split_name
+from koopman_lab.bus.channels import ABOARD, SESSION_INFO, TIME_SYNC, Channel, M, split_name
 from koopman_lab.bus.sequence import LATEST, SMALLEST_MESSAGE, SequenceCounter
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
@@ -190,6 +190,19 @@ class SessionLog:
                 f"{self.path}: its configuration is none of this version; give the configuration "
                 f"of the session\n{error}"
             ) from None
+
+    def clock_error_s(self) -> float | None:
+        """Return the largest error (s) that times of the board can have, by what it said itself.
+
+        None if the board never learned the desk's time.
+
+        Raises
+        ------
+        LogError
+            As :meth:`array`.
+        """
+        errors_us = self.array(TIME_SYNC)["error_us"]
+        return float(errors_us.max()) / US_PER_S if len(errors_us) else None
 
     def _decode(self, channel: Channel[Any], decode: Callable[[Any, Sequence[bytes]], Any]) -> Any:
         name = channel.name(self.robot_name)

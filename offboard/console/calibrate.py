@@ -159,6 +159,7 @@ def _data(folder: RunFolder, *, complete: bool) -> dict[str, Any]:
     return {
         "duration_s": log.duration_s,
         "samples": samples,
+        "clock_error_s": log.clock_error_s(),
         "messages_lost": sum(
             # Beside the logger of `klab up` two number these channels, each on its own.
             c.lost

@@ -41,12 +41,20 @@ def outcome_facts(node: ControllerNode, missed_deadlines: int) -> dict[str, Any]
 
 
 def write_park(
-    folder: RunFolder, config: LabConfig, facts: dict[str, Any], goal: Pose, mocap_lost: int
+    folder: RunFolder, config: LabConfig, facts: dict[str, Any], goal: Pose
 ) -> dict[str, Any]:
-    """Write trajectory, figure and summary; return the summary."""
+    """Write trajectory, figure and summary; return the summary.
+
+    Raises
+    ------
+    LogError
+        If the session log cannot be read.
+    """
+    from koopman_lab.bus.channels import MOCAP_POSE
+    from koopman_lab.data.decode import SessionLog
     from koopman_lab.figures.path import draw_path
 
-    rows = facts["trajectory"]
+    log, rows = SessionLog(folder.log), facts["trajectory"]
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -68,7 +76,8 @@ def write_park(
         "steps": len(rows),
         "solve_ms": {"p50": p50, "p99": p99, "max": largest},
         "missed_deadlines": facts["missed_deadlines"],
-        "mocap_messages_lost": mocap_lost,
+        "mocap_messages_lost": log.channels[MOCAP_POSE.name(config.robot.name)].lost,
+        "clock_error_s": log.clock_error_s(),
         "trajectory": TRAJECTORY,
     }
     folder.write_summary(config, summary)

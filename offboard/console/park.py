@@ -108,8 +108,6 @@ def drive(
     LabError
         If the run cannot be made.
     """
-    from koopman_lab.bus.channels import MOCAP_POSE
-    from koopman_lab.data.decode import SessionLog
     from offboard.console.outcome import write_park
     from offboard.console.session import keeping_the_log
 
@@ -118,8 +116,7 @@ def drive(
             facts = _in_lockstep(config, folder, model, start, goal)
         else:
             facts = _in_real_time(config, folder, model, start, goal, listener)
-    mocap = SessionLog(folder.log).channels[MOCAP_POSE.name(config.robot.name)]
-    return write_park(folder, config, facts, goal, mocap.lost)
+    return write_park(folder, config, facts, goal)
 
 
 def show(folder: RunFolder, summary: dict[str, Any]) -> None:

@@ -35,6 +35,8 @@ def test_a_session_leaves_log_configuration_and_summary(session):
     assert summary["segments"] == 10
     assert set(summary["samples"]) == {"1", "2"}
     assert summary["messages_lost"] == 0
+    # Half of some 6 ms round trip, at the first exchange.
+    assert 0.002 < summary["clock_error_s"] < 0.01
 
 
 def test_one_seed_gives_the_same_bytes_and_another_seed_does_not(tmp_path):

@@ -80,7 +80,8 @@ def test_on_good_wifi_offset_and_drift_are_found():
     assert abs(error) < 300
     # The bound cannot fall below half the round trip, of which 4 ms are no jitter.
     assert 2000 <= bound < 3000
-    assert pair.sync.drift * 1e6 == pytest.approx(-40.0, abs=10.0)
+    assert pair.sync.drift * 1e6 == pytest.approx(-40.0, abs=3.0)
+    assert pair.sync.drift_error * 1e6 < 40.0
 
 
 @pytest.mark.parametrize(("there_us", "back_us"), [(2000, 2000), (0, 5000), (5000, 0)])
