@@ -105,9 +105,13 @@ class BasePort(ABC):
         sequence = self._next_sequence.get(channel.suffix, 0)
         self._next_sequence[channel.suffix] = sequence + 1
         message.sequence = sequence
-        name, data, now_us = channel.name(self.robot_name), message.encode(), self.bus_us()
+        name, data = channel.name(self.robot_name), message.encode()
+        if self._radio is None or channel.wired:
+            self.send(name, data)
+            return
+        now_us = self.bus_us()
         # Numbered before the radio, so that the others see what it loses.
-        for at_us in self._arrivals(name, now_us, sending=True):
+        for at_us in self._radio.from_robot.arrivals(now_us):
             if at_us <= now_us:
                 self.send(name, data)
             else:
@@ -146,7 +150,9 @@ class BasePort(ABC):
         They keep the pace of the bus, also aboard: on a real board motor ticks and encoder
         readings hang on one crystal, and the plant's encoders could not slide along with another.
         """
-        self.timers.append(Timer(rate_hz, lambda bus_us: tick(self._own_us(bus_us))))
+        clock = self._clock
+        own_tick = tick if clock is None else lambda bus_us: tick(clock.read(bus_us))
+        self.timers.append(Timer(rate_hz, own_tick))
 
     def finish(self) -> None:
         """Tell the runner that this node's work is done."""
@@ -161,17 +167,14 @@ class BasePort(ABC):
 
         The radio may bring it to the node later, twice, or never.
         """
-        for at_us in self._arrivals(name, arrived_us, sending=False):
+        if self._radio is None or name in self._wired:
+            self._receive(name, data, arrived_us)
+            return
+        for at_us in self._radio.to_robot.arrivals(arrived_us):
             if at_us <= arrived_us:
                 self._receive(name, data, at_us)
             else:
                 self.later(at_us, partial(self._receive, name, data))
-
-    def _arrivals(self, name: str, now_us: int, *, sending: bool) -> tuple[int, ...]:
-        if self._radio is None or name in self._wired:
-            return (now_us,)
-        direction = self._radio.from_robot if sending else self._radio.to_robot
-        return direction.arrivals(now_us)
 
     def _receive(self, name: str, data: bytes, arrived_us: int) -> None:
         """Hand a message to the handlers of its channel."""
