@@ -5,11 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from koopman_lab.files import replacing
+from koopman_lab.figures.canvas import new_figure, save
 
 MARKS = 12
 """Evenly spaced in time, the same in both plots, as in the paper's figures."""
@@ -35,8 +33,7 @@ def draw_path(
     value
         Value function of each step (N,).
     """
-    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(width=9.0, height=4.0)
     plane, values = figure.subplots(1, 2)
     marked = np.unique(np.linspace(0, len(time_s) - 1, MARKS).round().astype(int))
     plane.plot(poses[:, 0], poses[:, 1], color="tab:blue")
@@ -59,6 +56,4 @@ def draw_path(
     values.semilogy(time_s[marked], value[marked], "o", color="tab:blue", markersize=4)
     values.set(xlabel="time (s)", ylabel="value function", title="optimal cost")
     values.grid(visible=True)
-    for ending in ("pdf", "png"):
-        with replacing(stem.with_suffix(f".{ending}")) as file:
-            figure.savefig(file, format=ending, dpi=150)
+    save(figure, stem)

@@ -12,7 +12,7 @@ import typer
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import REST, Velocity
 from offboard.console import options
-from offboard.console.terminal import out
+from offboard.console.terminal import err, out
 
 if TYPE_CHECKING:
     import lcmtypes
@@ -125,6 +125,37 @@ def lockstep(
     for part, share in shares.items():
         table.add_row(part, f"{100.0 * share:.1f} %")
     out.print(table)
+
+
+@app.command()
+def motor(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    preset: options.Preset = options.PresetName.lab,
+    figure: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Draw FILE.pdf and FILE.png.")
+    ] = None,
+    as_json: options.AsJson = False,
+) -> None:
+    """Show step, ramp and disturbance responses of the motor loop.
+
+    Example: klab bench motor --preset harsh --out runs/motor
+    """
+    from offboard.console.bench_motor import as_table, figures_of_merit, responses
+
+    kinematic = options.resolve(config, overrides, "kinematic", preset)
+    dynamic = options.resolve(config, overrides, "dynamic", preset)
+    found = responses(kinematic, dynamic)
+    merit = figures_of_merit(found)
+    if figure is not None:
+        from koopman_lab.figures.motor import draw_responses
+
+        draw_responses(figure, found)
+        err.print(f"figure: {figure.with_suffix('.png')}")
+    if as_json:
+        out.print_json(json.dumps(merit))
+    else:
+        out.print(as_table(merit, preset.value))
 
 
 def _lab(config: LabConfig) -> tuple[Lockstep, Weaver]:

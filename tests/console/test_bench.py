@@ -16,3 +16,15 @@ def test_bench_lockstep_as_a_table():
     text = klab_ok("bench", "lockstep", "--seconds", "2", "--preset", "harsh")
     assert "times real time" in text
     assert "encoding and decoding" in text
+
+
+@pytest.mark.parametrize("preset", ["lab", "harsh"])
+def test_bench_motor_shows_the_responses_and_they_are_as_the_motor_loop_promises(preset, tmp_path):
+    merit = klab_json("bench", "motor", "--preset", preset)
+    assert merit["step_settled_s"] <= 0.4
+    assert merit["step_overshoot"] < 0.10
+    assert merit["ramp_rms_m_per_s"] < 0.010
+    assert 0.0 < merit["disturbance_dip_m_per_s"] < 0.1
+    assert merit["disturbance_left_m_per_s"] < 0.02 * 0.3
+    assert "overshoot" in klab_ok("bench", "motor", "--out", tmp_path / "motor")
+    assert {p.name for p in tmp_path.iterdir()} == {"motor.pdf", "motor.png"}

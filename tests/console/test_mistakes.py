@@ -126,6 +126,7 @@ def test_doctor_is_content_here():
 @pytest.mark.parametrize(
     "command",
     ["demo", "up", "calibrate", "train", "park", "estop", "doctor", "log info"]
+    + ["bench lockstep", "bench motor"]
     + [f"run {node}" for node in ("plant", "onboard", "logger", "sampler", "controller")],
 )
 def test_help_shows_a_worked_example(command):
