@@ -1,3 +1,10 @@
-"""Units between the wire and the inside: times on the wire are int64 microseconds."""
+"""Between the wire and the inside: times are int64 microseconds, counters wrap at 32 bit."""
 
 US_PER_S = 1_000_000
+COUNTER_RANGE = 1 << 32
+"""Encoder counters are 32 bit wide on the wire."""
+
+
+def wrap_counter(counts: int) -> int:
+    """Return counts as a signed 32-bit counter shows them."""
+    return (counts + COUNTER_RANGE // 2) % COUNTER_RANGE - COUNTER_RANGE // 2

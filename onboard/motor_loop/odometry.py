@@ -6,9 +6,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from koopman_lab.units import US_PER_S
-
-COUNTER_RANGE = 1 << 32
+from koopman_lab.units import US_PER_S, wrap_counter
 
 
 class WheelSpeeds(NamedTuple):
@@ -22,7 +20,7 @@ class WheelSpeeds(NamedTuple):
 
 def count_difference(newer: int, older: int) -> int:
     """Return ``newer - older`` of 32-bit counters that may have wrapped in between."""
-    return (newer - older + COUNTER_RANGE // 2) % COUNTER_RANGE - COUNTER_RANGE // 2
+    return wrap_counter(newer - older)
 
 
 class Odometry:

@@ -10,11 +10,9 @@ import numpy as np
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import Pose, wrap_angle
-from koopman_lab.units import US_PER_S
+from koopman_lab.units import US_PER_S, wrap_counter
 from onboard.plant.drivetrain import Drivetrain
 from onboard.plant.ideal import IdealDrives
-
-COUNTER_RANGE = 1 << 32
 
 # Two-point Gauss-Legendre on [0, 1]: exact for polynomials of degree three. With wheel speeds
 # that change linearly its error over 10 s of 5 ms steps stays below 1e-9 m up to 3 rad/s.
@@ -159,4 +157,4 @@ class Plant:
 
     def _count(self, angle_rad: float) -> int:
         counts = math.floor(angle_rad * self._counts_per_rad)
-        return (counts + COUNTER_RANGE // 2) % COUNTER_RANGE - COUNTER_RANGE // 2
+        return wrap_counter(counts)

@@ -7,10 +7,11 @@ from hypothesis import strategies as st
 
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry import REST, Velocity
+from koopman_lab.units import COUNTER_RANGE
 from onboard.motor_loop.health import Fault
 from onboard.motor_loop.hold import NOBODY, Command, Intent
 from onboard.motor_loop.loop import MotorLoop, State
-from onboard.motor_loop.odometry import COUNTER_RANGE, Odometry
+from onboard.motor_loop.odometry import Odometry
 from onboard.motor_loop.setpoint import AccelerationRamp, approach, saturate
 from onboard.plant.plant import Plant
 
