@@ -1,6 +1,8 @@
 """Each test process gets an LCM bus of its own, set before anything opens one."""
 
 import os
+import shutil
+import tempfile
 import zlib
 
 # One thread for linear algebra: the tests run side by side on few cores.
@@ -12,12 +14,23 @@ _WORKER = os.environ.get("PYTEST_XDIST_WORKER", "main")
 _PORT = 20_000 + zlib.crc32(f"{_RUN} {_WORKER}".encode()) % 10_000
 os.environ["LCM_DEFAULT_URL"] = f"udpm://239.255.76.67:{_PORT}?ttl=0"
 
+# What a run compiles is the run's. Workers inherit the folder; who made it removes it.
+_CACHE = None
+if "KOOPMAN_LAB_CACHE" not in os.environ:
+    _CACHE = os.environ["KOOPMAN_LAB_CACHE"] = tempfile.mkdtemp(prefix="koopman-lab-")
+
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
 # How long an example takes says how busy the machine is, not whether the code is right.
 settings.register_profile("lab", deadline=None)
 settings.load_profile("lab")
+
+
+def pytest_unconfigure() -> None:
+    """Remove what the run compiled."""
+    if _CACHE is not None:
+        shutil.rmtree(_CACHE, ignore_errors=True)
 
 
 @pytest.fixture

@@ -284,6 +284,7 @@ class Controller(Section):
     horizon: Annotated[int, Field(ge=1, le=1000)]
     cost: Literal["me"]
     reprojection: bool
+    use_compiler: bool
     u_max: tuple[Positive, Positive]
     weights: dict[Literal["me"], Weights]
     parked_position_m: Pair

@@ -108,32 +108,52 @@ class BilinearModel:
             states.append(x)
         return np.stack(states, axis=-2)
 
-    def casadi_step(self) -> Callable[[Any, Any], Any]:
-        """Return (x: SX (n,), u: SX (2,)) -> SX (n,), the same step as :meth:`step`."""
+    @cached_property
+    def parameters(self) -> Array:
+        """Return the model's numbers as one vector, for the functions of CasADi below.
+
+        M_0, M_1 - M_0, M_2 - M_0, the matrix that takes u - u_0 to lambda, and u_0, each by
+        columns. Models of one dictionary differ in nothing else.
+        """
+        m0, m1, m2 = self.matrices
+        parts = (m0, m1 - m0, m2 - m0, self._to_lambdas, self.basis_inputs[0])
+        return np.concatenate([part.ravel(order="F") for part in parts])
+
+    def casadi_step(self) -> Callable[[Any, Any, Any], Any]:
+        """Return (x: SX (n,), u: SX (2,), p) -> SX (n,), the same step as :meth:`step`.
+
+        p are the :attr:`parameters`, as numbers (DM) or symbols (SX).
+        """
         import casadi as ca
 
-        def step(x: Any, u: Any) -> Any:
+        def step(x: Any, u: Any, parameters: Any) -> Any:
             states: Components = ca.vertsplit(x)
             turns = _turns(states[2], ca)
             states[2] = states[2] - turns
             psi = ca.vertcat(*self.dictionary.observables(states, ca))
-            psi_next = ca.vertsplit(self._casadi_matrix(u) @ psi)
+            psi_next = ca.vertsplit(self._casadi_matrix(u, parameters) @ psi)
             projected = self.dictionary.project_components(psi_next, states[2], ca)
             projected[2] = projected[2] + turns
             return ca.vertcat(*projected)
 
         return step
 
-    def casadi_lifted_step(self) -> Callable[[Any, Any], Any]:
-        """Return (psi: SX (M,), u: SX (2,)) -> SX (M,), the propagation without reprojection."""
-        return lambda psi, u: self._casadi_matrix(u) @ psi
+    def casadi_lifted_step(self) -> Callable[[Any, Any, Any], Any]:
+        """Return (psi: SX (M,), u: SX (2,), p) -> SX (M,), the step without reprojection."""
+        return lambda psi, u, parameters: self._casadi_matrix(u, parameters) @ psi
 
-    def _casadi_matrix(self, u: Any) -> Any:
+    def _casadi_matrix(self, u: Any, parameters: Any) -> Any:
         import casadi as ca
 
-        m0, m1, m2 = (ca.DM(m) for m in self.matrices)
-        lambdas = ca.DM(self._to_lambdas) @ (u - ca.DM(self.basis_inputs[0]))
-        return m0 + lambdas[0] * (m1 - m0) + lambdas[1] * (m2 - m0)
+        size = self.dictionary.size
+        ends = np.cumsum([0, *[size**2] * 3, 4, 2]).tolist()
+        shapes = [(size, size)] * 3 + [(2, 2), (2, 1)]
+        m0, d1, d2, to_lambdas, u0 = (
+            ca.reshape(part, *shape)
+            for part, shape in zip(ca.vertsplit(parameters, ends), shapes, strict=True)
+        )
+        lambdas = to_lambdas @ (u - u0)
+        return m0 + lambdas[0] * d1 + lambdas[1] * d2
 
     def require_robot(self, kind: RobotKind) -> None:
         """Refuse the model for another robot.

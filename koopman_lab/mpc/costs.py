@@ -11,6 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from koopman_lab.config.schema import Controller
 from koopman_lab.errors import ConfigError
 
@@ -18,7 +21,11 @@ from koopman_lab.errors import ConfigError
 class StageCost(Protocol):
     """The cost of one stage; zero at the goal, which is the origin, and positive elsewhere."""
 
-    def __call__(self, x: Any, u: Any) -> Any:
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """The weights as one vector; costs of one class and robot differ in nothing else."""
+
+    def __call__(self, x: Any, u: Any, parameters: Any = None) -> Any:
         """Return the cost of a state and an input.
 
         Parameters
@@ -29,6 +36,8 @@ class StageCost(Protocol):
         u
             Input, ``(v, omega)`` in m/s, rad/s or ``(a, d_omega)`` in m/s^2, rad/s^2: of the same
             kind, (2,) or (2, K).
+        parameters
+            Symbols instead of the cost's own weights, in the same order.
         """
 
 
@@ -50,14 +59,21 @@ class MixedExponents:
     q: Sequence[float]
     r: Sequence[float]
 
-    def __call__(self, x: Any, u: Any) -> Any:
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Return q, then r."""
+        return np.array([*self.q, *self.r], float)
+
+    def __call__(self, x: Any, u: Any, parameters: Any = None) -> Any:
         """Return the cost; see :class:`StageCost`."""
-        cost = self.q[1] * _square(x[1])
-        for index, weight in enumerate(self.q):
+        weights = self.parameters if parameters is None else parameters
+        states = len(self.q)
+        cost = weights[1] * _square(x[1])
+        for index in range(states):
             if index != 1:
-                cost = cost + weight * _fourth_power(x[index])
-        for index, weight in enumerate(self.r):
-            cost = cost + weight * _fourth_power(u[index])
+                cost = cost + weights[index] * _fourth_power(x[index])
+        for index in range(len(self.r)):
+            cost = cost + weights[states + index] * _fourth_power(u[index])
         return cost
 
 

@@ -11,7 +11,7 @@ variables, and per stage the gap x(k+1) - F(x(k), u(k)) first, then what else bi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
@@ -29,22 +29,34 @@ class OptimalControlProblem:
     Attributes
     ----------
     program
-        For ``casadi.nlpsol``: x, p, f, g. The parameters p are the initial state and the factor
-        that the objective is multiplied by; all constraints g are equalities to zero.
-    lower, upper
-        Bounds of the variables.
-    constraints
-        Number of rows of g.
+        For ``casadi.nlpsol``: x, p, f, g, or the path of a library that holds them. The parameters
+        p are the initial state, the factor that the objective is multiplied by, and
+        ``parameters``; all constraints g are equalities to zero.
+    u_max
+        Largest magnitude of either input, (2,).
     horizon, state_dim
         H and n.
+    parameters
+        Numbers that the program does not hold itself, (P,).
     """
 
-    program: dict[str, Any]
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    constraints: int
+    program: dict[str, Any] | str
+    u_max: NDArray[np.float64]
     horizon: int
     state_dim: int
+    parameters: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def upper(self) -> NDArray[np.float64]:
+        """Return the upper bounds of the variables; the lower ones are their negatives."""
+        no_bound = np.full(self.state_dim, np.inf)
+        stages = np.tile(np.concatenate([no_bound, self.u_max]), self.horizon)
+        return np.concatenate([stages, no_bound])
+
+    @property
+    def constraints(self) -> int:
+        """Return the number of rows of g."""
+        return self.state_dim * (self.horizon + 1)
 
     def pack(self, states: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the variables for states (H + 1, n) and inputs (H, 2)."""
@@ -63,7 +75,7 @@ class OptimalControlProblem:
 def transcribe(
     model: PredictionModel, cost: StageCost, horizon: int, u_max: Sequence[float]
 ) -> OptimalControlProblem:
-    """Return the optimal control problem of a model.
+    """Return the optimal control problem of a model, written out stage by stage.
 
     Parameters
     ----------
@@ -78,21 +90,19 @@ def transcribe(
     """
     n = model.state_dim
     initial, factor = ca.SX.sym("initial", n), ca.SX.sym("factor")
-    no_bound, bound = np.full(n, np.inf), np.asarray(u_max, dtype=float)
-    variables, gaps, upper = [], [], []
+    numbers = ca.DM(model.parameters)
+    variables, gaps = [], []
     total: Any = 0.0
     x = ca.SX.sym("x_0", n)
     for k in range(horizon):
         u, following = ca.SX.sym(f"u_{k}", 2), ca.SX.sym(f"x_{k + 1}", n)
         variables += [x, u]
-        upper += [no_bound, bound]
-        gaps.append(following - model.step(x, u))
+        gaps.append(following - model.step(x, u, numbers))
         if k == 0:
             gaps.append(x - initial)
         total = total + cost(x, u)
         x = following
     variables.append(x)
-    upper.append(no_bound)
     total = total + cost(x, ca.SX.zeros(2))
     program = {
         "x": ca.vertcat(*variables),
@@ -100,5 +110,4 @@ def transcribe(
         "f": factor * total,
         "g": ca.vertcat(*gaps),
     }
-    high = np.concatenate(upper)
-    return OptimalControlProblem(program, -high, high, n * (horizon + 1), horizon, n)
+    return OptimalControlProblem(program, np.asarray(u_max, float), horizon, n)

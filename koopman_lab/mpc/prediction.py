@@ -33,8 +33,18 @@ class PredictionModel(Protocol):
     def dt_s(self) -> float:
         """Sampling time in s."""
 
-    def step(self, x: Any, u: Any) -> Any:
-        """Return the state one sampling time later: CasADi SX (n,) and (2,) to (n,)."""
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """The numbers that a step depends on, (P,).
+
+        They stand apart so that what is compiled for one model serves all of its shape.
+        """
+
+    def step(self, x: Any, u: Any, parameters: Any) -> Any:
+        """Return the state one sampling time later: CasADi SX (n,) and (2,) to (n,).
+
+        The parameters are numbers (DM) or symbols (SX).
+        """
 
 
 class NominalPrediction:
@@ -53,11 +63,12 @@ class NominalPrediction:
         self.dt_s = dt_s
         self._model = nominal_model(kind)
         self.state_dim = self._model.state_dim
+        self.parameters = np.array([dt_s])
 
-    def step(self, x: Any, u: Any) -> Any:
+    def step(self, x: Any, u: Any, parameters: Any) -> Any:
         """Return the state one sampling time later; see :class:`PredictionModel`."""
         states = [x[i] for i in range(self.state_dim)]
-        return ca.vertcat(*self._model.components(states, [u[0], u[1]], self.dt_s, ca))
+        return ca.vertcat(*self._model.components(states, [u[0], u[1]], parameters[0], ca))
 
 
 class KoopmanPrediction:
@@ -73,11 +84,12 @@ class KoopmanPrediction:
         self.robot_kind = model.robot_kind
         self.state_dim = model.state_dim
         self.dt_s = model.dt_s
+        self.parameters = model.parameters
         self._step = model.casadi_step()
 
-    def step(self, x: Any, u: Any) -> Any:
+    def step(self, x: Any, u: Any, parameters: Any) -> Any:
         """Return the state one sampling time later; see :class:`PredictionModel`."""
-        return self._step(x, u)
+        return self._step(x, u, parameters)
 
 
 def load_prediction(path: Path) -> KoopmanPrediction:
@@ -108,7 +120,7 @@ class Rollout:
 
     def __init__(self, model: PredictionModel, cost: StageCost, horizon: int) -> None:
         x, u = ca.SX.sym("x", model.state_dim), ca.SX.sym("u", 2)
-        step = ca.Function("step", [x, u], [model.step(x, u)])
+        step = ca.Function("step", [x, u], [model.step(x, u, ca.DM(model.parameters))])
         self._step = step
         self._trajectory = step.mapaccum("trajectory", horizon)
         self._cost = cost

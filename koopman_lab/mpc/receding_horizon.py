@@ -77,6 +77,11 @@ class RecedingHorizon:
         self._plan: Plan | None = None
         self._failures = 0
 
+    @property
+    def solver(self) -> str:
+        """Return what solves, in words for a person."""
+        return self._solver.description
+
     def step(self, x: NDArray[np.float64]) -> Decision:
         """Return the input for the measured state ``x`` (n,), relative to the goal.
 
@@ -167,7 +172,14 @@ def receding_horizon(
             f"{settings.dt_s}; train with --dt {settings.dt_s} or set controller.dt_s"
         )
     cost = stage_cost(settings)
-    solver = make_solver(model, cost, settings.horizon, settings.u_max, back_end)
+    solver = make_solver(
+        model,
+        cost,
+        settings.horizon,
+        settings.u_max,
+        back_end,
+        use_compiler=settings.use_compiler,
+    )
     return RecedingHorizon(
         solver, Rollout(model, cost, settings.horizon), settings.u_max, settings.dt_s
     )

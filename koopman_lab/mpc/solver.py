@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.errors import ConfigError
+from koopman_lab.mpc import compiled, stagewise
 from koopman_lab.mpc.costs import StageCost
 from koopman_lab.mpc.ocp import OptimalControlProblem, transcribe
 from koopman_lab.mpc.prediction import PredictionModel, Rollout
@@ -59,6 +60,9 @@ class Plan:
 class Solver(Protocol):
     """Solves the optimal control problem from an initial guess."""
 
+    description: str
+    """What solves, in words for a person."""
+
     def solve(self, x0: NDArray[np.float64], guess: NDArray[np.float64]) -> Plan:
         """Return a plan for the state ``x0`` (n,), starting from the inputs ``guess`` (H, 2)."""
 
@@ -81,6 +85,8 @@ class NlpSolver:
     most_iterations
         Of the solver, per call; None for :data:`MOST_ITERATIONS`. What it has found by then counts
         if it is better than the guess.
+    form
+        In what form the problem is evaluated, in words for a person.
 
     Raises
     ------
@@ -94,7 +100,9 @@ class NlpSolver:
         rollout: Rollout,
         back_end: BackEnd = "fatrop",
         most_iterations: int | None = None,
+        form: str = "not compiled",
     ) -> None:
+        self.description = f"{back_end}, {form}"
         self._problem = problem
         self._rollout = rollout
         self._back_end = back_end
@@ -105,8 +113,7 @@ class NlpSolver:
             )
         options = _options(back_end, problem, most_iterations or MOST_ITERATIONS[back_end])
         self._solver = ca.nlpsol("solver", back_end, problem.program, options)
-        first_input = problem.state_dim
-        self._u_max = problem.upper[first_input : first_input + 2]
+        self._upper = problem.upper
 
     def solve(self, x0: NDArray[np.float64], guess: NDArray[np.float64]) -> Plan:
         """Return a plan for the state ``x0`` (n,), starting from the inputs ``guess`` (H, 2)."""
@@ -116,16 +123,17 @@ class NlpSolver:
         factor = 1.0 / max(guess_value, SMALLEST_VALUE)
         result = self._solver(
             x0=self._problem.pack(states, guess),
-            p=np.append(x0, factor),
-            lbx=self._problem.lower,
-            ubx=self._problem.upper,
+            p=np.concatenate([x0, [factor], self._problem.parameters]),
+            lbx=-self._upper,
+            ubx=self._upper,
             lbg=0.0,
             ubg=0.0,
         )
         statistics = self._solver.stats()
         _, inputs = self._problem.unpack(np.asarray(result["x"]).ravel())
         # Interior-point methods may end a hair outside the bounds.
-        inputs = np.clip(inputs, -self._u_max, self._u_max)
+        u_max = self._problem.u_max
+        inputs = np.clip(inputs, -u_max, u_max)
         states, value = self._rollout(x0, inputs)
         return Plan(
             inputs,
@@ -144,10 +152,28 @@ def make_solver(
     u_max: Sequence[float],
     back_end: BackEnd = "fatrop",
     most_iterations: int | None = None,
+    *,
+    use_compiler: bool = True,
 ) -> NlpSolver:
-    """Return a solver of the optimal control problem; see :func:`ocp.transcribe`."""
+    """Return a solver of the optimal control problem; see :func:`ocp.transcribe`.
+
+    fatrop evaluates compiled loops over the stages where they can be had, and otherwise the problem
+    written out stage by stage, because loops that are not compiled are slower still. Both agree up
+    to rounding. IPOPT always has the written-out form, as in the paper.
+    """
+    rollout, form = Rollout(model, cost, horizon), "not compiled"
+    if back_end == "fatrop" and use_compiler:
+        try:
+            library = compiled.library(stagewise.source(model, cost, horizon))
+        except compiled.NotCompiledError as reason:
+            form = f"not compiled: {reason}"
+        else:
+            numbers = stagewise.parameters_of(model, cost)
+            bounds = np.asarray(u_max, float)
+            problem = OptimalControlProblem(str(library), bounds, horizon, model.state_dim, numbers)
+            return NlpSolver(problem, rollout, back_end, most_iterations, "compiled")
     problem = transcribe(model, cost, horizon, u_max)
-    return NlpSolver(problem, Rollout(model, cost, horizon), back_end, most_iterations)
+    return NlpSolver(problem, rollout, back_end, most_iterations, form)
 
 
 def _options(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import filecmp
 import platform
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -161,11 +160,17 @@ def _receive_buffer(lab: LabConfig) -> Iterator[Finding]:
 
 def _compiler(lab: LabConfig) -> Iterator[Finding]:
     del lab
-    found = next((c for c in ("cc", "gcc", "clang") if shutil.which(c)), None)
+    from koopman_lab.mpc import compiled
+
+    try:
+        built = compiled.library("int klab_doctor(void) { return 0; }\n")
+        found, works = f"{compiled.find_compiler()}, libraries in {built.parent}", True
+    except compiled.NotCompiledError as reason:
+        found, works = str(reason), False
     yield Finding(
         "C compiler",
-        found or "none",
-        found is not None,
+        found,
+        works,
         needed=False,
-        remedy="sudo apt install gcc",
+        remedy="the controller solves more slowly; sudo apt install gcc",
     )

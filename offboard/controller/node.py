@@ -52,7 +52,10 @@ class ControllerNode:
         back_end: BackEnd = "fatrop",
     ) -> None:
         prediction = load_prediction(model) if isinstance(model, Path) else model
-        self.controller = Controller(config, receding_horizon(prediction, config, back_end), goal)
+        optimiser = receding_horizon(prediction, config, back_end)
+        self.controller = Controller(config, optimiser, goal)
+        self.solver = optimiser.solver
+        """What solves, in words for a person."""
         self.solve_ms: list[float] = []
         self.trajectory: list[TrajectoryPoint] = []
         self._config = config

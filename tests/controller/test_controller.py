@@ -22,6 +22,8 @@ STEP_US = 50_000
 class FailingSolver:
     """Fails in the steps it is told to, counted from 1."""
 
+    description = "fails as told"
+
     def __init__(self, solver, fails):
         self.solver, self.fails, self.step = solver, fails, 0
 

@@ -86,7 +86,7 @@ def test_prediction_over_a_second_and_symbols(kind, name):
         nominal.append(nominal_model(kind).step(nominal[-1], u, 0.05))
     assert np.abs(path - nominal).max() < 0.02
     x, u = ca.SX.sym("x", model.state_dim), ca.SX.sym("u", 2)
-    step = ca.Function("step", [x, u], [model.casadi_step()(x, u)])
+    step = ca.Function("step", [x, u], [model.casadi_step()(x, u, ca.DM(model.parameters))])
     for before, value, after in zip(path[:-1], inputs, path[1:], strict=True):
         assert np.array(step(before, value)).ravel() == pytest.approx(after, abs=1e-12)
 

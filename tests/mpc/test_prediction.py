@@ -31,7 +31,7 @@ def exact_d5t(dt_s=0.05):
 
 def as_function(model):
     x, u = ca.SX.sym("x", model.state_dim), ca.SX.sym("u", 2)
-    step = ca.Function("step", [x, u], [model.step(x, u)])
+    step = ca.Function("step", [x, u], [model.step(x, u, ca.DM(model.parameters))])
     return lambda state, command: np.asarray(step(state, command)).ravel()
 
 

@@ -19,6 +19,8 @@ START = {"kinematic": PARALLEL, "dynamic": LAB_START}
 class ScriptedSolver:
     """Answers as a script says: real, fails, worse or nan."""
 
+    description = "a script"
+
     def __init__(self, solver, rollout, script):
         self.solver, self.rollout, self.script = solver, rollout, script
         self.guesses, self.plans = [], []
