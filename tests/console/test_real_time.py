@@ -14,6 +14,7 @@ from klab import KLAB, NO_RADIO_LOSS, SMALL_AREA, alive, klab, klab_ok, start_kl
 import lcmtypes
 from koopman_lab.bus.channels import HEARTBEATS, ONBOARD_STATUS
 from koopman_lab.bus.realtime import Listener
+from koopman_lab.bus.realtime import bus_url as with_receive_buffer
 from koopman_lab.config.load import load_config
 from koopman_lab.data.eventlog import read_events
 
@@ -151,8 +152,10 @@ def holds_run(long: list[bytes], short: list[bytes]) -> bool:
 def test_session_beside_lcm_logger_replayed_by_lcm_logplayer(bus_url, tmp_path):
     """Both loggers record the same, and a replayed log trains the same model to the last bit."""
     theirs, ours = tmp_path / "theirs.lcm", tmp_path / "session" / "session.lcm"
+    # With the receive buffer that our processes ask for, or a busy machine makes it lose some.
+    url = with_receive_buffer(config(bus_url))
     peer = subprocess.Popen(
-        [tool("lcm-logger"), f"--lcm-url={bus_url}", "--quiet", str(theirs)],
+        [tool("lcm-logger"), f"--lcm-url={url}", "--quiet", str(theirs)],
         stdout=subprocess.DEVNULL,
     )
     try:
