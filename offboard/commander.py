@@ -6,6 +6,7 @@ from importlib.metadata import version
 
 import lcmtypes
 from koopman_lab.bus import channels
+from koopman_lab.bus.commanders import commander_number
 from koopman_lab.bus.node import Port
 from koopman_lab.config.load import dump_config
 from koopman_lab.config.schema import LabConfig
@@ -79,9 +80,10 @@ class Commands:
     which their age is judged. The logger could not, as it only receives and stores.
     """
 
-    def __init__(self, port: Port, config: LabConfig, commander: int) -> None:
+    def __init__(self, port: Port, config: LabConfig, role: int) -> None:
         self._port = port
-        self._commander = commander
+        self.number = commander_number(role, port)
+        """Of this commander, in commands and in what the motor loop says of them."""
         TimeServer(port)
         self._accelerates = config.robot.kind == "dynamic"
         self._holds = False
@@ -99,18 +101,18 @@ class Commands:
         self._send((0.0, 0.0), utime, lcmtypes.velocity_command_t.RELEASE)
 
     def _on_onboard(self, status: lcmtypes.onboard_status_t) -> None:
-        self._holds = status.commander == self._commander
+        self._holds = status.commander == self.number
 
     def _send(self, u: tuple[float, float], utime: int, intent: int) -> None:
         if self._accelerates:
             acceleration = lcmtypes.acceleration_command_t()
-            acceleration.utime, acceleration.commander = utime, self._commander
+            acceleration.utime, acceleration.commander = utime, self.number
             acceleration.intent = intent
             acceleration.a_m_per_s2, acceleration.d_omega_rad_per_s2 = u
             self._port.publish(channels.ACCELERATION_CMD, acceleration)
         else:
             velocity = lcmtypes.velocity_command_t()
-            velocity.utime, velocity.commander = utime, self._commander
+            velocity.utime, velocity.commander = utime, self.number
             velocity.intent = intent
             velocity.v_m_per_s, velocity.omega_rad_per_s = u
             self._port.publish(channels.VELOCITY_CMD, velocity)

@@ -28,7 +28,7 @@ class LockstepPort(BasePort):
     virtual = True
 
     def __init__(self, node_name: str, config: LabConfig, runner: Lockstep, order: int) -> None:
-        super().__init__(node_name, config, pid=0, start_us=runner.now_us)
+        super().__init__(node_name, config, process=0, start_us=runner.now_us)
         self._runner = runner
         self._order = order
 

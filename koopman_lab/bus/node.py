@@ -26,6 +26,8 @@ class Port(Protocol):
     """
 
     robot_name: str
+    process: int
+    """Number of the process that the node runs in; 0 in lockstep, where there is only one."""
     virtual: bool
     """True in lockstep: durations measured on the wall mean nothing and must not be published."""
 

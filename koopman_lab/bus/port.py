@@ -57,7 +57,7 @@ class BasePort(ABC):
 
     virtual: bool
 
-    def __init__(self, node_name: str, config: LabConfig, pid: int, start_us: int) -> None:
+    def __init__(self, node_name: str, config: LabConfig, process: int, start_us: int) -> None:
         self.robot_name = config.robot.name
         self.handlers: dict[str, list[RawHandler]] = {}
         self.timers: list[Timer] = []
@@ -65,7 +65,7 @@ class BasePort(ABC):
         self.undecodable = 0
         self.worst_lateness_us = 0
         self._node_name = node_name
-        self._pid = pid
+        self.process = process
         self._counters: dict[str, SequenceCounter] = {}
         self._listeners: dict[str, list[Callable[[Any], None]]] = {}
         self._next_sequence: dict[str, int] = {}
@@ -200,7 +200,7 @@ class BasePort(ABC):
             return
         status = lcmtypes.node_status_t()
         status.utime = now_us
-        status.pid = self._pid
+        status.pid = self.process
         status.ticks, status.missed_ticks = self.ticks()
         status.worst_lateness_us = self.worst_lateness_us
         status.lost_messages = sum(self.lost_messages().values())

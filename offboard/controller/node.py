@@ -106,7 +106,7 @@ class ControllerNode:
         seen = Inputs(
             tuple(self._frames),
             self._wheels,
-            self._alive.robot(CONTROLLER, now_us),
+            self._alive.robot(self._commands.number, now_us),
             self._alive.logger(now_us),
         )
         self._frames.clear()

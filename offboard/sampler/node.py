@@ -68,7 +68,7 @@ class SamplerNode:
             Velocity(status.v_setpoint_m_per_s, status.omega_setpoint_rad_per_s)
             if status
             else None,
-            self._alive.robot(SAMPLER, now_us)
+            self._alive.robot(self._commands.number, now_us)
             and not self._cut_off(status)
             and self._alive.logger(now_us),
         )

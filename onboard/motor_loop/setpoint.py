@@ -44,6 +44,7 @@ class AccelerationRamp:
         self._limits = limits
         self._interval_s = interval_s
         self._ticks = max(1, round(interval_s / tick_s))
+        self._tick_s = tick_s
         self.reset(REST)
 
     def reset(self, velocity: Velocity) -> None:
@@ -61,11 +62,13 @@ class AccelerationRamp:
 
     def step(self, present: Velocity) -> Velocity:
         """Return the set-point one tick later."""
-        if self._left == 0:
-            return self._end
-        share = 1.0 / self._left
-        self._left -= 1
-        return Velocity(
-            present.v + share * (self._end.v - present.v),
-            present.omega + share * (self._end.omega - present.omega),
-        )
+        aim = self._end
+        if self._left > 1:
+            share = 1.0 / self._left
+            aim = Velocity(
+                present.v + share * (aim.v - present.v),
+                present.omega + share * (aim.omega - present.omega),
+            )
+        self._left = max(0, self._left - 1)
+        # Commands that arrive in a bunch add up to more than the accelerations allow at once.
+        return approach(present, aim, self._limits, self._tick_s)

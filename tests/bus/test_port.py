@@ -18,7 +18,7 @@ class Loop(BasePort):
     virtual = True
 
     def __init__(self):
-        super().__init__("plant", CONFIG, pid=0, start_us=0)
+        super().__init__("plant", CONFIG, process=0, start_us=0)
         self.sent = []
 
     def bus_us(self):

@@ -54,6 +54,9 @@ class Bench:
         return np.array(rows)
 
 
+CONFIGS = {robot: load_config(robot=robot) for robot in ("kinematic", "dynamic")}
+
+
 @pytest.fixture
 def kinematic():
     return Bench(load_config(robot="kinematic"))
@@ -233,24 +236,29 @@ def test_a_standing_robot_gets_no_duty(kinematic):
     assert kinematic.loop.tick(kinematic.now_us) == (0.0, 0.0)
 
 
-commands = st.tuples(st.floats(-3, 3), st.floats(-20, 20))
+commands = st.tuples(st.floats(-1.2, 1.2), st.floats(-1.2, 1.2), st.integers(0, 8))
+"""Inputs as shares of their limits, and after how many ticks the next one comes."""
 
 
+@pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
 @settings(max_examples=50)
 @given(st.lists(commands, min_size=1, max_size=20))
-def test_setpoints_and_accelerations_stay_within_limits(us):
-    config = load_config(robot="dynamic")
+def test_setpoints_and_accelerations_stay_within_limits(robot, sent):
+    config = CONFIGS[robot]
     bench, limits = Bench(config), config.motor_loop.limits
-    before = (0.0, 0.0)
-    for u in us:
-        assert bench.command(u) is None
-        for _ in range(5):
+    bench.command((0.0, 0.0))
+    largest = np.array([limits.v_m_per_s, limits.omega_rad_per_s])
+    fastest = np.array([limits.a_m_per_s2, limits.d_omega_rad_per_s2]) * 0.01
+    before = np.zeros(2)
+    largest_u = np.array(bench.loop.hold._largest_u)
+    for *shares, ticks in sent:
+        bench.command(largest_u * shares)
+        for _ in range(ticks):
             bench.tick()
-            v, omega = bench.loop.setpoint
-            assert abs(v) <= limits.v_m_per_s * (1 + 1e-9)
-            assert abs(omega) <= limits.omega_rad_per_s * (1 + 1e-9)
-            before = (v, omega)
-    assert before == bench.loop.setpoint
+            setpoint = np.array(bench.loop.setpoint)
+            assert np.all(np.abs(setpoint) <= largest * (1 + 1e-9))
+            assert np.all(np.abs(setpoint - before) <= fastest * (1 + 1e-9))
+            before = setpoint
 
 
 @given(st.floats(-5, 5), st.floats(-20, 20))

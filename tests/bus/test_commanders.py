@@ -1,0 +1,31 @@
+"""Numbers of commanders name role and process."""
+
+import pytest
+
+import lcmtypes
+from koopman_lab.bus.commanders import commander_name, commander_number
+
+ROLES = lcmtypes.velocity_command_t
+
+
+class PortOf:
+    def __init__(self, process):
+        self.process = process
+
+
+@pytest.mark.parametrize("process", [1, 4711, 2**22])
+def test_two_processes_of_one_role_are_two_commanders_with_names(process):
+    number = commander_number(ROLES.CONTROLLER, PortOf(process))
+    assert number != commander_number(ROLES.CONTROLLER, PortOf(process + 1))
+    assert commander_name(number) == f"controller (process {process})"
+    message = lcmtypes.velocity_command_t()
+    message.commander = number
+    assert lcmtypes.velocity_command_t.decode(message.encode()).commander == number
+
+
+def test_in_lockstep_the_role_says_it_all():
+    assert commander_name(commander_number(ROLES.SAMPLER, PortOf(0))) == "sampler"
+
+
+def test_a_number_of_nobody_known_is_still_named():
+    assert commander_name(7) == "commander 7"
