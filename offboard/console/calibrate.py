@@ -31,6 +31,7 @@ def calibrate(
     lockstep: options.InLockstep = False,
     preset: options.Preset = options.PresetName.lab,
     seed: options.Seed = None,
+    robot_name: options.RobotsName = None,
     url: options.Url = None,
     out: options.Out = None,
 ) -> None:
@@ -43,7 +44,9 @@ def calibrate(
     wanted = list(overrides or ())
     if segments is not None:
         wanted.append(f"sampler.segments_per_basis={segments}")
-    lab = options.resolve(config, wanted, options.kind_of(robot), preset, seed, url)
+    lab = options.resolve(
+        config, wanted, options.kind_of(robot), preset, seed, url, robot_name=robot_name
+    )
     listener = None if lockstep else options.listen(lab)
     folder = new_folder(out, "calibration", lab)
     summary = record(lab, folder, listener)

@@ -34,6 +34,7 @@ def demo(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
     seed: options.Seed = None,
+    robot_name: options.RobotsName = None,
     url: options.Url = None,
     directory: options.Out = None,
 ) -> None:
@@ -44,10 +45,10 @@ def demo(
     Example: klab demo --robot dynamic --lockstep --out runs/demo
     """
     kind = options.kind_of(robot)
-    lab = options.resolve(config, overrides, kind, seed=seed, url=url)
+    lab = options.resolve(config, overrides, kind, seed=seed, url=url, robot_name=robot_name)
     count = segments if segments is not None else SEGMENTS[lab.robot.kind]
     wanted = [*(overrides or ()), f"sampler.segments_per_basis={count}"]
-    lab = options.resolve(config, wanted, kind, seed=seed, url=url)
+    lab = options.resolve(config, wanted, kind, seed=seed, url=url, robot_name=robot_name)
     listener = None if lockstep else options.listen(lab)
     top = new_folder(directory, "demo", lab)
     runs = count * len(lab.sampler.basis_inputs)

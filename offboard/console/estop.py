@@ -19,6 +19,7 @@ def estop(
     ] = False,
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
+    robot_name: options.RobotsName = None,
     url: options.Url = None,
 ) -> None:
     """Stop the motors of a robot until they are released; waits until the robot says so.
@@ -29,7 +30,7 @@ def estop(
     from koopman_lab.bus.channels import ESTOP, ONBOARD_STATUS
     from koopman_lab.errors import LabStateError
 
-    lab = options.resolve(config, overrides, None, url=url)
+    lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
     listener = options.listen(lab)
     states: list[int] = []
     listener.subscribe(ONBOARD_STATUS, lambda status: states.append(status.state))

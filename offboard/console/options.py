@@ -48,6 +48,14 @@ Robot = Annotated[
     RobotName | None,
     typer.Option("--robot", help="Which robot (kinematic, unless --config says it)."),
 ]
+RobotsName = Annotated[
+    str | None,
+    typer.Option(
+        "--robot-name",
+        metavar="NAME",
+        help="Prefix of its channels (R1); robots with different names share a bus.",
+    ),
+]
 Preset = Annotated[PresetName, typer.Option("--preset", help="Which plant stands in for hardware.")]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of draws and noise.")]
 Url = Annotated[
@@ -70,6 +78,7 @@ def resolve(
     preset: PresetName = PresetName.lab,
     seed: int | None = None,
     url: str | None = None,
+    robot_name: str | None = None,
 ) -> LabConfig:
     """Return the configuration that a command's options ask for.
 
@@ -81,6 +90,8 @@ def resolve(
     wanted = list(overrides or ())
     if seed is not None:
         wanted.append(f"seed={seed}")
+    if robot_name is not None:
+        wanted.append(f"robot.name={robot_name}")
     if url is not None:
         wanted.append(f"bus.url={url}")
     return load_config(

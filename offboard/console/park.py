@@ -45,6 +45,7 @@ def park(
     lockstep: options.InLockstep = False,
     preset: options.Preset = options.PresetName.lab,
     seed: options.Seed = None,
+    robot_name: options.RobotsName = None,
     url: options.Url = None,
     out: options.Out = None,
 ) -> None:
@@ -66,7 +67,7 @@ def park(
     kind = options.kind_of(robot)
     if kind is None and config is None:
         kind = loaded.robot_kind
-    lab = options.resolve(config, wanted, kind, preset, seed, url)
+    lab = options.resolve(config, wanted, kind, preset, seed, url, robot_name=robot_name)
     loaded.require_robot(lab.robot.kind)
     # Made once for what it refuses, before anything is started or written.
     receding_horizon(KoopmanPrediction(loaded), lab)

@@ -24,6 +24,7 @@ def plant(
     robot: options.Robot = None,
     preset: options.Preset = options.PresetName.lab,
     seed: options.Seed = None,
+    robot_name: options.RobotsName = None,
     url: options.Url = None,
     lifeline_fd: Lifeline = None,
 ) -> None:
@@ -34,7 +35,9 @@ def plant(
     from koopman_lab.bus.realtime import run_node
     from offboard.console import nodes
 
-    lab = options.resolve(config, overrides, options.kind_of(robot), preset, seed, url)
+    lab = options.resolve(
+        config, overrides, options.kind_of(robot), preset, seed, url, robot_name=robot_name
+    )
     run_node(nodes.plant(lab), lab, lifeline_fd=lifeline_fd)
 
 
@@ -44,6 +47,7 @@ def onboard(
     overrides: options.Overrides = None,
     robot: options.Robot = None,
     preset: options.Preset = options.PresetName.lab,
+    robot_name: options.RobotsName = None,
     url: options.Url = None,
     lifeline_fd: Lifeline = None,
 ) -> None:
@@ -54,7 +58,9 @@ def onboard(
     from koopman_lab.bus.realtime import run_node
     from offboard.console import nodes
 
-    lab = options.resolve(config, overrides, options.kind_of(robot), preset, url=url)
+    lab = options.resolve(
+        config, overrides, options.kind_of(robot), preset, url=url, robot_name=robot_name
+    )
     run_node(nodes.onboard(lab), lab, lifeline_fd=lifeline_fd)
 
 
@@ -63,6 +69,7 @@ def logger(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
     robot: options.Robot = None,
+    robot_name: options.RobotsName = None,
     url: options.Url = None,
     out: options.Out = None,
     into: Annotated[Path | None, typer.Option("--folder", hidden=True)] = None,
@@ -76,7 +83,7 @@ def logger(
     from offboard.console import nodes
     from offboard.console.folder import RunFolder, new_folder
 
-    lab = options.resolve(config, overrides, options.kind_of(robot), url=url)
+    lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
     folder = RunFolder(into) if into is not None else new_folder(out, "log", lab)
     run_node(nodes.logger(lab, folder), lab, lifeline_fd=lifeline_fd)
 
@@ -87,6 +94,7 @@ def sampler(
     overrides: options.Overrides = None,
     robot: options.Robot = None,
     seed: options.Seed = None,
+    robot_name: options.RobotsName = None,
     url: options.Url = None,
     result: ResultFile = None,
     lifeline_fd: Lifeline = None,
@@ -99,7 +107,9 @@ def sampler(
     from koopman_lab.files import write_json
     from offboard.sampler.node import SamplerNode
 
-    lab = options.resolve(config, overrides, options.kind_of(robot), seed=seed, url=url)
+    lab = options.resolve(
+        config, overrides, options.kind_of(robot), seed=seed, url=url, robot_name=robot_name
+    )
     node = SamplerNode(lab)
     statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
     if result is not None:
@@ -116,6 +126,7 @@ def controller(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
     robot: options.Robot = None,
+    robot_name: options.RobotsName = None,
     url: options.Url = None,
     result: ResultFile = None,
     lifeline_fd: Lifeline = None,
@@ -129,7 +140,7 @@ def controller(
     from offboard.console.outcome import outcome_facts
     from offboard.controller.node import ControllerNode
 
-    lab = options.resolve(config, overrides, options.kind_of(robot), url=url)
+    lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
     node = ControllerNode(lab, model, options.pose_of(goal))
     statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
     if result is not None:

@@ -26,23 +26,26 @@ def up(
     robot: options.Robot = None,
     preset: options.Preset = options.PresetName.lab,
     seed: options.Seed = None,
+    robot_name: options.RobotsName = None,
     url: options.Url = None,
     out: options.Out = None,
 ) -> None:
     """Run plant, onboard loop and logger as supervised processes until Ctrl-C.
 
-    Example: klab up --robot kinematic
+    Example: klab up --robot dynamic --robot-name R2
     """
     from koopman_lab.errors import LabStateError
     from offboard.console.supervisor import present, start_missing, supervised
 
-    lab_config = options.resolve(config, overrides, options.kind_of(robot), preset, seed, url)
+    lab_config = options.resolve(
+        config, overrides, options.kind_of(robot), preset, seed, url, robot_name=robot_name
+    )
     listener = options.listen(lab_config)
     there = present(listener) & {"plant", "onboard"}
     if there:
         raise LabStateError(
             f"{', '.join(sorted(there))} of {lab_config.robot.name} already on "
-            f"{lab_config.bus.url}; stop that lab, or take another name with --set robot.name=R2"
+            f"{lab_config.bus.url}; stop that lab, or take another name with --robot-name R2"
         )
     folder = new_folder(out, "up", lab_config)
     try:
@@ -50,7 +53,10 @@ def up(
             start_missing(lab, set(), folder)
             name, kind = lab_config.robot.name, lab_config.robot.kind
             err.print(f"{name} ({kind}) is up on {lab_config.bus.url}; log: {folder.log}")
-            err.print("Ctrl-C ends it; `klab calibrate` and `klab park` in another terminal use it")
+            same = "" if robot_name is None else f" with --robot-name {name}"
+            err.print(
+                f"Ctrl-C ends it; `klab calibrate` and `klab park`{same} in another terminal use it"
+            )
             with status_line() as show:
                 _follow(listener, lab, show)
     except KeyboardInterrupt:

@@ -1,0 +1,64 @@
+"""Two robots on one bus, each with its full stack, and nobody touches the other's."""
+
+import json
+
+import pytest
+from klab import SMALL_AREA, klab_ok, start_klab
+
+from koopman_lab.bus.channels import ONBOARD_STATUS, split_name
+from koopman_lab.bus.realtime import Listener
+from koopman_lab.config.load import load_config
+from koopman_lab.data.eventlog import read_events
+
+MOST_WAITS = 600
+WAIT_S = 0.05
+
+
+@pytest.fixture
+def robots(bus_url, tmp_path):
+    """Bring two robots up on one bus; they end with the test."""
+    started, heard = [], []
+    for name in ("R1", "R2"):
+        config = load_config(overrides=[f"bus.url={bus_url}", f"robot.name={name}"])
+        listener = Listener(config)
+        listener.subscribe(ONBOARD_STATUS, heard.append)
+        started.append(start_klab("up", "--robot-name", name, "--out", tmp_path / name))
+        for _ in range(MOST_WAITS):
+            if heard:
+                break
+            listener.spin(WAIT_S)
+        assert heard, f"{name} is not up in time"
+        heard.clear()
+    yield "R1", "R2"
+    for process in started:
+        process.terminate()
+        process.communicate(timeout=30)
+
+
+def test_one_robot_is_calibrated_while_the_other_parks(robots, tmp_path):
+    calibrated, parked = robots
+    klab_ok("calibrate", "--lockstep", "--out", tmp_path / "before")
+    model = tmp_path / "model.npz"
+    klab_ok("train", tmp_path / "before", "--out", model)
+    folders = {calibrated: tmp_path / "calibration", parked: tmp_path / "park"}
+    small = ("--segments", "3", *SMALL_AREA)
+    session = start_klab(
+        "calibrate", "--robot-name", calibrated, "--out", folders[calibrated], *small
+    )
+    klab_ok("park", "--robot-name", parked, "--model", model, "--out", folders[parked])
+    said, _ = session.communicate(timeout=120)
+    assert session.returncode == 0, said
+    assert json.loads((folders[parked] / "summary.json").read_text())["parked"]
+    assert json.loads((folders[calibrated] / "summary.json").read_text())["complete"]
+    for name, folder in folders.items():
+        statuses = []
+        for event in read_events(folder / "session.lcm"):
+            if event.channel == "LCM_SELF_TEST":
+                continue
+            robot, channel = split_name(event.channel)
+            assert robot == name
+            if channel is ONBOARD_STATUS:
+                statuses.append(channel.type.decode(event.data))
+        assert statuses[-1].accepted > 100
+        assert {s.refused_commander for s in statuses} == {0}
+        assert len({s.commander for s in statuses} - {0}) == 1
