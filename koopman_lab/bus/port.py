@@ -22,6 +22,7 @@ class Timer:
     """Absolute deadlines at ``start_us + k / rate_hz``; keeps count of ticks run and skipped."""
 
     def __init__(self, rate_hz: float, tick: Tick) -> None:
+        self.rate_hz = rate_hz
         self.tick = tick
         self.start_us = 0
         self.run = 0

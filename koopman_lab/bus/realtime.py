@@ -19,13 +19,14 @@ import lcm
 
 from koopman_lab.bus.channels import Channel, M
 from koopman_lab.bus.node import Node
+from koopman_lab.bus.pacing import TickTimes
 from koopman_lab.bus.port import BasePort
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import BusError
 from koopman_lab.units import US_PER_S
 
 PRIORITY = 10
-PRIORITIES = {"plant": 12, "onboard": 11}
+PRIORITIES = {"plant": 12, "onboard": 11, "pacer": 11}
 """Among real-time processes, by node: the faster loop goes first, all before ordinary processes."""
 LONGEST_WAIT_S = 0.5
 """A node without timers still looks up this often."""
@@ -184,7 +185,13 @@ class RunStatistics(NamedTuple):
     lost_messages: int
 
 
-def run_node(node: Node, config: LabConfig, *, lifeline_fd: int | None = None) -> RunStatistics:
+def run_node(
+    node: Node,
+    config: LabConfig,
+    *,
+    lifeline_fd: int | None = None,
+    tick_times: TickTimes | None = None,
+) -> RunStatistics:
     """Run one node until SIGINT, SIGTERM, its own finish, or the end of the lifeline.
 
     Parameters
@@ -194,6 +201,8 @@ def run_node(node: Node, config: LabConfig, *, lifeline_fd: int | None = None) -
     lifeline_fd
         Read end of a pipe whose write end the supervisor holds and never writes to. When the
         supervisor dies, even by SIGKILL, the pipe ends and so does this node.
+    tick_times
+        Told when each tick of the node's fastest timer begins.
 
     Returns
     -------
@@ -211,7 +220,7 @@ def run_node(node: Node, config: LabConfig, *, lifeline_fd: int | None = None) -
             port.attach(node)
             port.listen()
             _ask_for_priority(PRIORITIES.get(node.name, PRIORITY))
-            _loop(port, stop, lifeline_fd)
+            _loop(port, stop, lifeline_fd, tick_times)
         finally:
             node.close()
     return RunStatistics(*port.ticks(), sum(port.lost_messages().values()))
@@ -223,7 +232,12 @@ def _ask_for_priority(priority: int) -> None:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
 
 
-def _loop(port: RealtimePort, stop: StopSignals, lifeline_fd: int | None) -> None:
+def _loop(
+    port: RealtimePort,
+    stop: StopSignals,
+    lifeline_fd: int | None,
+    tick_times: TickTimes | None,
+) -> None:
     # A collection over start-up's objects would cost milliseconds in the middle of a tick.
     gc.collect()
     gc.freeze()
@@ -231,6 +245,7 @@ def _loop(port: RealtimePort, stop: StopSignals, lifeline_fd: int | None) -> Non
     wait_for: list[Any] = [bus_fd, stop]
     if lifeline_fd is not None:
         wait_for.append(lifeline_fd)
+    fastest = max(port.timers, key=lambda timer: timer.rate_hz)
     start_us = port.bus_us()
     for timer in port.timers:
         timer.start_us = start_us
@@ -254,6 +269,8 @@ def _loop(port: RealtimePort, stop: StopSignals, lifeline_fd: int | None) -> Non
         for timer in sorted(port.timers, key=lambda t: t.deadline_us):
             now_us = port.bus_us()
             if timer.deadline_us <= now_us:
+                if tick_times is not None and timer is fastest:
+                    tick_times.note(now_us)
                 lateness = timer.fire(now_us)
                 port.worst_lateness_us = max(port.worst_lateness_us, lateness)
 

@@ -12,7 +12,7 @@ import typer
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import REST, Velocity
 from offboard.console import options
-from offboard.console.terminal import err, out
+from offboard.console.terminal import err, out, progress
 
 if TYPE_CHECKING:
     import lcmtypes
@@ -125,6 +125,44 @@ def lockstep(
     for part, share in shares.items():
         table.add_row(part, f"{100.0 * share:.1f} %")
     out.print(table)
+
+
+@app.command()
+def realtime(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    preset: options.Preset = options.PresetName.lab,
+    minutes: Annotated[
+        float, typer.Option("--minutes", min=0.05, help="How long to measure.")
+    ] = 10.0,
+    url: options.Url = None,
+    folder: options.Out = None,
+    as_json: options.AsJson = False,
+) -> None:
+    """Show how regularly the motor loop ticks in real time while a calibration drives the robot.
+
+    Beside it ticks a process of the same priority that does nothing: the machine's own share.
+
+    Example: klab bench realtime --minutes 2
+    """
+    from offboard.console.bench_realtime import MORE_THAN_ENOUGH, as_table, measure
+    from offboard.console.folder import new_folder
+    from offboard.console.session import keeping_the_log
+
+    wanted = [f"sampler.segments_per_basis={MORE_THAN_ENOUGH}", *(overrides or ())]
+    lab = options.resolve(config, wanted, options.kind_of(robot), preset, url=url)
+    listener = options.listen(lab)
+    run = new_folder(folder, "realtime", lab)
+    seconds = 60.0 * minutes
+    with keeping_the_log(run), progress("driving") as report:
+        found = measure(
+            lab, run, listener, seconds, lambda s: report(round(s), round(seconds), "s")
+        )
+    if as_json:
+        out.print_json(json.dumps({name: row._asdict() for name, row in found.items()}))
+    else:
+        out.print(as_table(found, lab.motor_loop.rate_hz))
 
 
 @app.command()

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from offboard.console import options
+
+if TYPE_CHECKING:
+    from koopman_lab.bus.node import Node
+    from koopman_lab.config.schema import LabConfig
 
 app = typer.Typer(help="Run one process in the foreground until Ctrl-C.", no_args_is_help=True)
 
 Lifeline = Annotated[int | None, typer.Option("--lifeline-fd", hidden=True)]
 ResultFile = Annotated[
     Path | None, typer.Option("--result", metavar="FILE", help="Write the outcome here, as JSON.")
+]
+TickTimesFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--tick-times", metavar="FILE", help="Write here, at the end, when each tick began (us)."
+    ),
 ]
 
 
@@ -49,19 +59,45 @@ def onboard(
     preset: options.Preset = options.PresetName.lab,
     robot_name: options.RobotsName = None,
     url: options.Url = None,
+    tick_times: TickTimesFile = None,
     lifeline_fd: Lifeline = None,
 ) -> None:
     """Run the motor loop, on the robot's board.
 
     Example: klab run onboard --robot dynamic --set motor_loop.watchdog_s=0.2
     """
-    from koopman_lab.bus.realtime import run_node
     from offboard.console import nodes
 
     lab = options.resolve(
         config, overrides, options.kind_of(robot), preset, url=url, robot_name=robot_name
     )
-    run_node(nodes.onboard(lab), lab, lifeline_fd=lifeline_fd)
+    _run_timed(nodes.onboard(lab), lab, tick_times, lifeline_fd)
+
+
+@app.command(hidden=True)
+def pacer(
+    config: options.ConfigFile = None,
+    tick_times: TickTimesFile = None,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Tick as fast as the motor loop and do nothing, to see what the machine does.
+
+    Example: klab run pacer --tick-times runs/pacer.npy
+    """
+    from offboard.console.pacer import Pacer
+
+    lab = options.resolve(config, None, None)
+    _run_timed(Pacer(lab), lab, tick_times, lifeline_fd)
+
+
+def _run_timed(node: Node, lab: LabConfig, file: Path | None, lifeline_fd: int | None) -> None:
+    from koopman_lab.bus.pacing import TickTimes
+    from koopman_lab.bus.realtime import run_node
+
+    times = TickTimes()
+    run_node(node, lab, lifeline_fd=lifeline_fd, tick_times=times if file else None)
+    if file is not None:
+        times.save(file)
 
 
 @app.command()

@@ -19,7 +19,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from offboard.console.folder import RunFolder
 
-STOP_ORDER = ("sampler", "controller", "onboard", "plant", "logger")
+STOP_ORDER = ("sampler", "controller", "onboard", "plant", "logger", "pacer")
 """Who commands stops first; the logger writes down the rest."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 PATIENCE_S = 3.0
