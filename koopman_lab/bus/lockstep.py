@@ -15,7 +15,7 @@ from typing import Any
 
 from koopman_lab.bus.channels import Channel, M
 from koopman_lab.bus.node import Node
-from koopman_lab.bus.port import BasePort, Timer
+from koopman_lab.bus.port import BasePort
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 
@@ -79,8 +79,9 @@ class Lockstep:
         for name in port.handlers:
             self._routes.setdefault(name, []).append((order, port))
         for timer in port.timers:
-            timer.start_us = self.now_us
-            self._push_timer(order, timer)
+            timer.start(self.now_us)
+            item = (timer.deadline_us, order, TIMER, next(self._sequence), timer)
+            heapq.heappush(self._queue, item)
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message as if somebody outside the nodes had sent it now."""
@@ -120,17 +121,17 @@ class Lockstep:
         """
         end_us = self.now_us + round(limit_s * US_PER_S)
         next_report_us = self.now_us
-        while self._queue and self._queue[0][0] <= end_us:
-            time_us, order, kind, _, what = self._queue[0]
-            if time_us > self.now_us and self.finished:
+        queue, sequence = self._queue, self._sequence
+        while queue and queue[0][0] <= end_us:
+            if self.finished and queue[0][0] > self.now_us:
                 return True
-            heapq.heappop(self._queue)
+            time_us, order, kind, _, what = heapq.heappop(queue)
             self.now_us = time_us
             if kind == MESSAGE:
                 what(time_us)
             else:
                 what.fire(time_us)
-                self._push_timer(order, what)
+                heapq.heappush(queue, (what.deadline_us, order, TIMER, next(sequence), what))
             if time_us >= next_report_us:
                 next_report_us += US_PER_S
                 if on_progress is not None:
@@ -144,7 +145,3 @@ class Lockstep:
         """Close the nodes, last added first."""
         for node in reversed(self._nodes):
             node.close()
-
-    def _push_timer(self, order: int, timer: Timer) -> None:
-        item = (timer.deadline_us, order, TIMER, next(self._sequence), timer)
-        heapq.heappush(self._queue, item)

@@ -24,16 +24,17 @@ class Timer:
     def __init__(self, rate_hz: float, tick: Tick) -> None:
         self.rate_hz = rate_hz
         self.tick = tick
-        self.start_us = 0
+        self.deadline_us = 0
+        """Nominal time of the next tick."""
         self.run = 0
         self.missed = 0
         self._period_us = US_PER_S / rate_hz
-        self._index = 0
+        self.start(0)
 
-    @property
-    def deadline_us(self) -> int:
-        """Return the nominal time of the next tick."""
-        return self.start_us + round(self._index * self._period_us)
+    def start(self, at_us: int) -> None:
+        """Start again with a first tick at ``at_us``."""
+        self._start_us = self.deadline_us = at_us
+        self._index = 0
 
     def fire(self, now_us: int) -> int:
         """Run the newest tick that is due and return how late it was (us).
@@ -41,16 +42,28 @@ class Timer:
         Older ticks that are due as well are skipped and counted: a burst to catch up would run
         the component at times that have passed.
         """
-        deadline = self.deadline_us
-        behind = int((now_us - deadline) / self._period_us)
-        if behind > 0:
+        if now_us - self.deadline_us >= self._period_us:
+            behind = int((now_us - self.deadline_us) / self._period_us)
             self.missed += behind
-            self._index += behind
-            deadline = self.deadline_us
-        self.tick(deadline)
+            self._plan(self._index + behind)
+        deadline_us = self.deadline_us
+        self.tick(deadline_us)
         self.run += 1
-        self._index += 1
-        return now_us - deadline
+        self._plan(self._index + 1)
+        return now_us - deadline_us
+
+    def _plan(self, index: int) -> None:
+        self._index = index
+        self.deadline_us = self._start_us + round(index * self._period_us)
+
+
+class Outlet:
+    """One channel that a node speaks on."""
+
+    def __init__(self, name: str, by_radio: bool) -> None:
+        self.name = name
+        self.by_radio = by_radio
+        self.next_sequence = 0
 
 
 class BasePort(ABC):
@@ -69,7 +82,7 @@ class BasePort(ABC):
         self.process = process
         self._counters: dict[str, SequenceCounter] = {}
         self._listeners: dict[str, list[Callable[[Any], None]]] = {}
-        self._next_sequence: dict[str, int] = {}
+        self._outlets: dict[str, Outlet] = {}
         self._heartbeat_rate_hz = config.bus.heartbeat_rate_hz
         self._radio: RadioPair | None = None
         self._clock: DriftingClock | None = None
@@ -83,9 +96,7 @@ class BasePort(ABC):
 
     def now_us(self) -> int:
         """Return the present time by the node's own clock (us)."""
-        return self._own_us(self.bus_us())
-
-    def _own_us(self, bus_us: int) -> int:
+        bus_us = self.bus_us()
         return bus_us if self._clock is None else self._clock.read(bus_us)
 
     @abstractmethod
@@ -103,11 +114,15 @@ class BasePort(ABC):
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message with the next sequence number of its channel."""
-        sequence = self._next_sequence.get(channel.suffix, 0)
-        self._next_sequence[channel.suffix] = sequence + 1
-        message.sequence = sequence
-        name, data = channel.name(self.robot_name), message.encode()
-        if self._radio is None or channel.wired:
+        outlet = self._outlets.get(channel.suffix)
+        if outlet is None:
+            by_radio = self._radio is not None and not channel.wired
+            outlet = Outlet(channel.name(self.robot_name), by_radio)
+            self._outlets[channel.suffix] = outlet
+        message.sequence = outlet.next_sequence
+        outlet.next_sequence += 1
+        name, data = outlet.name, message.encode()
+        if self._radio is None or not outlet.by_radio:
             self.send(name, data)
             return
         now_us = self.bus_us()
@@ -179,15 +194,17 @@ class BasePort(ABC):
 
     def _receive(self, name: str, data: bytes, arrived_us: int) -> None:
         """Hand a message to the handlers of its channel."""
-        own_us = self._own_us(arrived_us)
+        clock = self._clock
         if len(data) >= SMALLEST_MESSAGE:
-            if name in self._wired and self._clock is not None:
+            utime, sequence = peek(data)
+            if clock is not None and name in self._wired:
                 # The board reads its encoders itself, and so stamps them by its own clock.
-                data = restamp(data, self._clock.read(peek(data)[0]))
+                data = restamp(data, clock.read(utime))
             counter = self._counters.get(name)
             if counter is None:
                 counter = self._counters[name] = SequenceCounter()
-            counter.update(peek(data)[1])
+            counter.update(sequence)
+        own_us = arrived_us if clock is None else clock.read(arrived_us)
         for handler in self.handlers[name]:
             handler(name, data, own_us)
 

@@ -248,7 +248,7 @@ def _loop(
     fastest = max(port.timers, key=lambda timer: timer.rate_hz)
     start_us = port.bus_us()
     for timer in port.timers:
-        timer.start_us = start_us
+        timer.start(start_us)
     while not (stop.received or port.finished):
         next_us = port.next_us()
         wait_s = LONGEST_WAIT_S

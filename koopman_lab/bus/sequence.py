@@ -48,6 +48,9 @@ class SequenceCounter:
 
     def update(self, sequence: int) -> int:
         """Take the next received number; return how many were missing just before it."""
+        if sequence == self._next:
+            self._next = sequence + 1
+            return 0
         if sequence in self._missing:
             self._missing.discard(sequence)
             self.lost -= 1
