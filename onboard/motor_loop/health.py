@@ -23,6 +23,9 @@ class Fault(IntEnum):
     RIGHT_WHEEL_STUCK = 4
 
 
+FAULTS = len(Fault)
+
+
 class Health:
     """Judges tick by tick; each finding must persist for its configured time.
 
@@ -31,17 +34,20 @@ class Health:
     """
 
     def __init__(self, settings: schema.Health) -> None:
-        self._settings = settings
-        self._good_since_us: dict[Fault, int] = {}
+        self._timeout_us = settings.encoder_timeout_s * US_PER_S
+        self._battery_low_v = settings.battery_low_v
+        self._battery_us = settings.battery_s * US_PER_S
+        self._stuck_duty = settings.stuck_duty
+        self._stuck_us = settings.stuck_s * US_PER_S
+        self.reset()
 
     def reset(self) -> None:
         """Forget the past."""
-        self._good_since_us.clear()
+        self._good_since_us: list[int | None] = [None] * FAULTS
 
     def hears(self, encoder_age_us: int | None) -> bool:
         """Return whether the newest encoder message (age in us) is young enough to drive by."""
-        timeout_us = self._settings.encoder_timeout_s * US_PER_S
-        return encoder_age_us is not None and encoder_age_us <= timeout_us
+        return encoder_age_us is not None and encoder_age_us <= self._timeout_us
 
     def check(
         self,
@@ -66,22 +72,24 @@ class Health:
         speeds
             Measured wheel speeds (rad/s), (left, right).
         """
-        s = self._settings
-        silent = not self.hears(encoder_age_us)
+        silent = not self.hears(encoder_age_us) and any(duties)
+        low = battery_v is not None and battery_v < self._battery_low_v
         fresh = encoder_age_us is not None and encoder_age_us < OLDEST_US
-        stuck = [
-            fresh and abs(duty) > s.stuck_duty and speed == 0.0
-            for duty, speed in zip(duties, speeds, strict=True)
-        ]
+        left_stuck = fresh and speeds[LEFT] == 0.0 and abs(duties[LEFT]) > self._stuck_duty
+        right_stuck = fresh and speeds[RIGHT] == 0.0 and abs(duties[RIGHT]) > self._stuck_duty
+        if not (silent or low or left_stuck or right_stuck):
+            self._good_since_us = [now_us] * FAULTS
+            return Fault.NO_FAULT
         findings = (
-            (Fault.ENCODERS_SILENT, silent and any(duties), 0.0),
-            (Fault.BATTERY_LOW, battery_v is not None and battery_v < s.battery_low_v, s.battery_s),
-            (Fault.LEFT_WHEEL_STUCK, stuck[LEFT], s.stuck_s),
-            (Fault.RIGHT_WHEEL_STUCK, stuck[RIGHT], s.stuck_s),
+            (Fault.ENCODERS_SILENT, silent, 0.0),
+            (Fault.BATTERY_LOW, low, self._battery_us),
+            (Fault.LEFT_WHEEL_STUCK, left_stuck, self._stuck_us),
+            (Fault.RIGHT_WHEEL_STUCK, right_stuck, self._stuck_us),
         )
-        for fault, bad, patience_s in findings:
-            if not bad:
-                self._good_since_us[fault] = now_us
-            elif now_us - self._good_since_us.setdefault(fault, now_us) >= patience_s * US_PER_S:
+        for fault, bad, patience_us in findings:
+            since_us = self._good_since_us[fault]
+            if not bad or since_us is None:
+                since_us = self._good_since_us[fault] = now_us
+            if bad and now_us - since_us >= patience_us:
                 return fault
         return Fault.NO_FAULT

@@ -6,7 +6,7 @@ from enum import IntEnum
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import REST, Velocity, wheel_speeds
-from onboard.motor_loop.health import Fault, Health
+from onboard.motor_loop.health import LEFT, RIGHT, Fault, Health
 from onboard.motor_loop.hold import Command, Hold, Intent, Refusal
 from onboard.motor_loop.odometry import Odometry
 from onboard.motor_loop.pid import WheelController
@@ -47,7 +47,8 @@ class MotorLoop:
         self.hold = Hold(config)
         self.battery_v: float | None = None
         self.odometry = Odometry(loop.encoder_counts_per_rev, loop.wheel_state_window_s)
-        self._robot = config.robot
+        self._wheel_radius_m = config.robot.wheel_radius_m
+        self._track_width_m = config.robot.track_width_m
         self._limits = loop.limits
         self._tick_s = 1.0 / loop.rate_hz
         self._accelerates = config.robot.kind == "dynamic"
@@ -106,7 +107,7 @@ class MotorLoop:
         if self.state in STOPPED:
             return NO_DUTY
         newest = self.odometry.newest()
-        measured = (newest.left, newest.right) if newest else (0.0, 0.0)
+        measured = (0.0, 0.0) if newest is None else (newest.left, newest.right)
         self.fault = self._health.check(now_us, self.battery_v, age_us, self._duties, measured)
         if self.fault is not Fault.NO_FAULT:
             self._stand(State.FAULT)
@@ -130,18 +131,17 @@ class MotorLoop:
                 self.setpoint = approach(self.setpoint, self._target, self._limits, self._tick_s)
 
     def _control(self, measured: Duties) -> Duties:
-        robot = self._robot
+        left_wheel, right_wheel = self._wheels
         if self.setpoint == REST and measured == (0.0, 0.0):
             # Standing as wanted: without this the integral would keep pushing against friction.
-            for wheel in self._wheels:
-                wheel.reset()
+            left_wheel.reset()
+            right_wheel.reset()
             return NO_DUTY
-        wanted = wheel_speeds(*self.setpoint, robot.wheel_radius_m, robot.track_width_m)
-        left, right = (
-            wheel.step(setpoint, speed, self._tick_s)
-            for wheel, setpoint, speed in zip(self._wheels, wanted, measured, strict=True)
+        left, right = wheel_speeds(*self.setpoint, self._wheel_radius_m, self._track_width_m)
+        return (
+            left_wheel.step(left, measured[LEFT], self._tick_s),
+            right_wheel.step(right, measured[RIGHT], self._tick_s),
         )
-        return left, right
 
     def _stand(self, state: State) -> None:
         self.state = state

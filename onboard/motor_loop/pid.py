@@ -16,7 +16,13 @@ class WheelController:
     """
 
     def __init__(self, settings: schema.Pid) -> None:
-        self._settings = settings
+        self._full_speed = settings.feed_forward_full_duty_rad_per_s
+        self._lag_s = settings.feed_forward_lag_s
+        self._friction_duty = settings.friction_duty
+        self._proportional = settings.proportional
+        self._integral_per_s = settings.integral_per_s
+        self._derivative_s = settings.derivative_s
+        self._filter_s = settings.derivative_filter_s
         self.reset()
 
     def reset(self) -> None:
@@ -27,10 +33,9 @@ class WheelController:
 
     def step(self, setpoint: float, measured: float, dt_s: float) -> float:
         """Return the duty for the next ``dt_s`` seconds."""
-        s = self._settings
         if self._filtered is None:
             self._filtered = measured
-        share = dt_s / (s.derivative_filter_s + dt_s)
+        share = dt_s / (self._filter_s + dt_s)
         change = share * (measured - self._filtered)
         self._filtered += change
         before = setpoint if self._setpoint is None else self._setpoint
@@ -39,15 +44,15 @@ class WheelController:
         # What was measured is the mean of the past tick, in which the wheel followed ``before``;
         # held against the new set-point, every ramp would wind up the integral.
         error = before - measured
-        friction = math.copysign(s.friction_duty, setpoint) if setpoint else 0.0
+        friction = math.copysign(self._friction_duty, setpoint) if setpoint else 0.0
         unlimited = (
-            (setpoint + s.feed_forward_lag_s * rate) / s.feed_forward_full_duty_rad_per_s
+            (setpoint + self._lag_s * rate) / self._full_speed
             + friction
-            + s.proportional * error
+            + self._proportional * error
             + self._integral
-            - s.derivative_s * change / dt_s
+            - self._derivative_s * change / dt_s
         )
         limited = min(1.0, max(-1.0, unlimited))
         if unlimited == limited or error * unlimited < 0.0:
-            self._integral += s.integral_per_s * error * dt_s
+            self._integral += self._integral_per_s * error * dt_s
         return limited
