@@ -25,13 +25,41 @@ PYTHON_TYPES = {
     "int8_t": "int", "int16_t": "int", "int32_t": "int", "int64_t": "int", "byte": "int",
     "float": "float", "double": "float", "boolean": "bool", "string": "str",
 }  # fmt: skip
+WIRE_FORMATS = {
+    "int8_t": "b", "int16_t": "h", "int32_t": "i", "int64_t": "q", "byte": "B",
+    "float": "f", "double": "d", "boolean": "?",
+}  # fmt: skip
+"""Of the types of a fixed size, in the letters of the module ``struct``."""
+CODEC = """
+# Of scripts/generate_types.py: all fields have a fixed size, so that one compiled struct writes
+# and reads the same bytes as the methods above in half the time.
+_WIRE = struct.Struct(">8s{formats}")
+_FIELDS = struct.Struct(">{formats}")
+_FINGERPRINT = {name}._get_packed_fingerprint()
+
+
+def _encode(self):
+    return _WIRE.pack(_FINGERPRINT, {fields})
+
+
+def _decode(data):
+    if data[:8] != _FINGERPRINT:
+        raise ValueError("Decode error")
+    self = {name}()
+    {fields} = _FIELDS.unpack_from(data, 8)
+    return self
+
+
+{name}.encode = _encode
+{name}.decode = staticmethod(_decode)
+"""
 
 
 def generate(sources: Path, target: Path) -> Path:
     """Run lcm-gen over ``sources/*.lcm`` and write the package below ``target``.
 
-    Beside each module goes a ``.pyi`` stub, so that a type checker knows the fields, and
-    ``py.typed``.
+    Types whose fields all have a fixed size get a faster codec. Beside each module goes a
+    ``.pyi`` stub, so that a type checker knows the fields, and ``py.typed``.
 
     Returns
     -------
@@ -51,23 +79,35 @@ def generate(sources: Path, target: Path) -> Path:
     subprocess.run([generator, "--python", "--ppath", target, *files], check=True)
     package = target / PACKAGE
     for module in sorted(package.glob("*_t.py")):
-        module.with_suffix(".pyi").write_text(stub(module.read_text()))
+        generated = module.read_text()
+        module.write_text(generated + codec(generated))
+        module.with_suffix(".pyi").write_text(stub(generated))
     shutil.copy(package / "__init__.py", package / "__init__.pyi")
     (package / "py.typed").touch()
     return package
 
 
+def codec(generated: str) -> str:
+    """Return what to append to one generated module; nothing if its messages vary in size."""
+    struct_name, table = _class_table(generated)
+    typenames = table["__typenames__"]
+    if any(table["__dimensions__"]) or not WIRE_FORMATS.keys() >= set(typenames):
+        return ""
+    return CODEC.format(
+        name=struct_name,
+        formats="".join(WIRE_FORMATS[t] for t in typenames),
+        fields=", ".join(f"self.{field}" for field in table["__slots__"]),
+    )
+
+
 def stub(generated: str) -> str:
     """Return the type stub of one generated module, given its source."""
-    struct = next(n for n in ast.parse(generated).body if isinstance(n, ast.ClassDef))
-    table: dict[str, Any] = {}
-    constants: list[str] = []
-    for node in struct.body:
-        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-            name, value = node.targets[0].id, ast.literal_eval(node.value)
-            table[name] = value
-            if not name.startswith("_"):
-                constants.append(f"    {name}: {type(value).__name__}")
+    struct_name, table = _class_table(generated)
+    constants = [
+        f"    {name}: {type(value).__name__}"
+        for name, value in table.items()
+        if not name.startswith("_")
+    ]
     fields = []
     rows = zip(table["__slots__"], table["__typenames__"], table["__dimensions__"], strict=True)
     for name, typename, dimensions in rows:
@@ -78,18 +118,28 @@ def stub(generated: str) -> str:
     lines = [
         "from collections.abc import Sequence",
         "",
-        f"class {struct.name}:",
+        f"class {struct_name}:",
         *constants,
         *fields,
         "    def __init__(self) -> None: ...",
         "    def encode(self) -> bytes: ...",
         "    @staticmethod",
-        f"    def decode(data: bytes) -> {struct.name}: ...",
+        f"    def decode(data: bytes) -> {struct_name}: ...",
         "    @staticmethod",
         "    def _get_packed_fingerprint() -> bytes: ...",
         "    def get_hash(self) -> int: ...",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _class_table(generated: str) -> tuple[str, dict[str, Any]]:
+    """Return the name of the class in a generated module, and the values in its body."""
+    struct = next(n for n in ast.parse(generated).body if isinstance(n, ast.ClassDef))
+    return struct.name, {
+        node.targets[0].id: ast.literal_eval(node.value)
+        for node in struct.body
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
+    }
 
 
 class CustomBuildHook(BuildHookInterface):  # type: ignore[misc,valid-type]
