@@ -24,6 +24,10 @@ class Pose(NamedTuple):
     theta: float
 
 
+PlainPose = tuple[float, float, float]
+"""The same, ``(x1, x2, theta)``, where poses come so often that making named ones takes time."""
+
+
 class Velocity(NamedTuple):
     """A body velocity: m/s, rad/s."""
 

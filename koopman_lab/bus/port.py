@@ -45,16 +45,14 @@ class Timer:
         if now_us - self.deadline_us >= self._period_us:
             behind = int((now_us - self.deadline_us) / self._period_us)
             self.missed += behind
-            self._plan(self._index + behind)
+            self._index += behind
+            self.deadline_us = self._start_us + round(self._index * self._period_us)
         deadline_us = self.deadline_us
         self.tick(deadline_us)
         self.run += 1
-        self._plan(self._index + 1)
+        self._index += 1
+        self.deadline_us = self._start_us + round(self._index * self._period_us)
         return now_us - deadline_us
-
-    def _plan(self, index: int) -> None:
-        self._index = index
-        self.deadline_us = self._start_us + round(index * self._period_us)
 
 
 class Outlet:

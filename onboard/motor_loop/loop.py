@@ -102,14 +102,14 @@ class MotorLoop:
     def tick(self, now_us: int) -> Duties:
         """Return the duties ``(left, right)`` for the next tick."""
         age_us = None if self._encoder_us is None else now_us - self._encoder_us
-        if self.fault is Fault.ENCODERS_SILENT and self._health.hears(age_us):
+        if self.fault and self.fault is Fault.ENCODERS_SILENT and self._health.hears(age_us):
             self.estop(False)
         if self.state in STOPPED:
             return NO_DUTY
         newest = self.odometry.newest()
         measured = (0.0, 0.0) if newest is None else (newest.left, newest.right)
         self.fault = self._health.check(now_us, self.battery_v, age_us, self._duties, measured)
-        if self.fault is not Fault.NO_FAULT:
+        if self.fault:
             self._stand(State.FAULT)
             return NO_DUTY
         self._move_setpoint(now_us)

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from koopman_lab.config.schema import Mocap
-from koopman_lab.geometry import Pose, wrap_angle
+from koopman_lab.geometry import PlainPose, wrap_angle
 from koopman_lab.units import US_PER_S
 
-NOTHING = Pose(0.0, 0.0, 0.0)
+NOTHING: PlainPose = (0.0, 0.0, 0.0)
 FRAMES_PER_DRAW = 256
 """Random numbers are drawn for many frames at once: one at a time costs more than all the rest."""
 
@@ -22,7 +22,7 @@ class Frame(NamedTuple):
     """What the tracking makes of one exposure; an invalid frame has no usable pose."""
 
     utime: int
-    pose: Pose
+    pose: PlainPose
     valid: bool
 
 
@@ -35,7 +35,7 @@ class Cameras:
     def __init__(self, mocap: Mocap, rng: np.random.Generator) -> None:
         self._position_noise_m = mocap.position_noise_m
         self._angle_noise_rad = mocap.angle_noise_rad
-        self._marker = Pose(*mocap.marker_offset)
+        self._ahead_m, self._left_m, self._turn_rad = mocap.marker_offset
         self._lost_share = mocap.lost_frame_share
         self._latency_us = round(mocap.latency_s * US_PER_S)
         self._jitter_us = mocap.latency_jitter_s * US_PER_S
@@ -48,25 +48,24 @@ class Cameras:
         self._occlusions = occlusions
         self._pending: deque[tuple[int, Frame]] = deque()
 
-    def expose(self, utime: int, pose: Pose) -> None:
+    def expose(self, utime: int, pose: PlainPose) -> None:
         """Take a picture of the robot at its true pose at ``utime``."""
         e1, e2, e3, luck, delay = next(self._numbers)
         if luck < self._lost_share or self._occluded(utime):
-            frame = Frame(utime, NOTHING, False)
+            seen, valid = NOTHING, False
         else:
             x1, x2, theta = pose
             c, s = cos(theta), sin(theta)
-            ahead, left, turn = self._marker
-            seen = Pose(
-                x1 + c * ahead - s * left + self._position_noise_m * e1,
-                x2 + s * ahead + c * left + self._position_noise_m * e2,
-                wrap_angle(theta + turn + self._angle_noise_rad * e3),
+            seen = (
+                x1 + c * self._ahead_m - s * self._left_m + self._position_noise_m * e1,
+                x2 + s * self._ahead_m + c * self._left_m + self._position_noise_m * e2,
+                wrap_angle(theta + self._turn_rad + self._angle_noise_rad * e3),
             )
-            frame = Frame(utime, seen, True)
+            valid = True
         ready_us = utime + self._latency_us + round(delay * self._jitter_us)
         if self._pending and self._pending[-1][0] > ready_us:
             ready_us = self._pending[-1][0]
-        self._pending.append((ready_us, frame))
+        self._pending.append((ready_us, Frame(utime, seen, valid)))
 
     def ready(self, now_us: int) -> list[Frame]:
         """Return the frames whose latency has passed by ``now_us``, oldest first."""

@@ -122,7 +122,7 @@ class Drivetrain:
                 return
         kept = self._transitions.get(step_us) or self._transition(step_us)
         if direction_left and direction_right:
-            keep_left, keep_cross, keep_right = kept.left, kept.cross, kept.right
+            keep_left, keep_cross, keep_right, _, _ = kept
         else:
             keep_left = kept.left_alone if direction_left else 1.0
             keep_right = kept.right_alone if direction_right else 1.0

@@ -59,14 +59,14 @@ class PlantNode:
         self._port.publish(channels.ENCODER, encoder)
         truth = lcmtypes.plant_truth_t()
         truth.utime = utime
-        truth.x1_m, truth.x2_m, truth.theta_rad = self.plant.pose
+        truth.x1_m, truth.x2_m, truth.theta_rad = self.plant.coordinates
         truth.v_m_per_s, truth.omega_rad_per_s = self.plant.body_velocity()
         self._port.publish(channels.PLANT_TRUTH, truth)
         self._send_frames(utime)
 
     def _on_camera_tick(self, tick_us: int) -> None:
         utime = self._advance(tick_us)
-        self._cameras.expose(utime, self.plant.pose)
+        self._cameras.expose(utime, self.plant.coordinates)
         self._send_frames(utime)
 
     def _send_frames(self, now_us: int) -> None:

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry import Pose, wrap_angle
+from koopman_lab.geometry import PlainPose, Pose, wrap_angle
 from koopman_lab.units import US_PER_S, wrap_counter
 from onboard.plant.drivetrain import Drivetrain
 from onboard.plant.ideal import IdealDrives
@@ -63,7 +63,8 @@ class Plant:
         left_m, right_m = robot.wheel_radius_m * left_factor, robot.wheel_radius_m * right_factor
         track_m = robot.track_width_m * body.track_width_factor
         self.time_us: int | None = None
-        self.pose = Pose(*config.plant.initial_pose)
+        self.coordinates: PlainPose = config.plant.initial_pose
+        """True pose."""
         self.drives: Drives = (
             Drivetrain(config) if config.plant.motor.drive == "dc" else IdealDrives(config)
         )
@@ -78,6 +79,11 @@ class Plant:
         self._rng = rng
 
     @property
+    def pose(self) -> Pose:
+        """Return the true pose with named parts."""
+        return Pose(*self.coordinates)
+
+    @property
     def battery_v(self) -> float:
         """Return the voltage at the battery's terminals."""
         return self.drives.battery_v
@@ -90,8 +96,10 @@ class Plant:
         """Place the robot by hand: at rest, within the accuracy of ``config.plant.placement``."""
         spread, turn = self._placement.position_m, self._placement.angle_rad
         e1, e2, e3 = self._rng.uniform(-1.0, 1.0, 3).tolist()
-        self.pose = Pose(
-            pose.x1 + spread * e1, pose.x2 + spread * e2, wrap_angle(pose.theta + turn * e3)
+        self.coordinates = (
+            pose.x1 + spread * e1,
+            pose.x2 + spread * e2,
+            wrap_angle(pose.theta + turn * e3),
         )
         self.drives.halt()
 
@@ -140,7 +148,7 @@ class Plant:
         omega = self._turn_right * right - self._turn_left * left
         dv = self._half_left * new_left + self._half_right * new_right - v
         d_omega = self._turn_right * new_right - self._turn_left * new_left - omega
-        x1, x2, theta = self.pose
+        x1, x2, theta = self.coordinates
         v_early, v_late = v + EARLY * dv, v + LATE * dv
         omega_early, omega_late = omega + EARLY * d_omega, omega + LATE * d_omega
         early = theta + step_s * EARLY * (omega + 0.5 * EARLY * d_omega)
@@ -149,7 +157,7 @@ class Plant:
         early -= self._slip * abs(v_early) * omega_early
         late -= self._slip * abs(v_late) * omega_late
         theta += half_s * (omega + omega + d_omega)
-        self.pose = Pose(
+        self.coordinates = (
             x1 + half_s * (v_early * cos(early) + v_late * cos(late)),
             x2 + half_s * (v_early * sin(early) + v_late * sin(late)),
             theta if -math.pi < theta <= math.pi else wrap_angle(theta),
