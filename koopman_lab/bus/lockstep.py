@@ -43,7 +43,9 @@ class LockstepPort(BasePort):
 
     def send(self, name: str, data: bytes) -> None:
         """Queue the message for every node that listens."""
-        self._runner.send(name, data)
+        runner = self._runner
+        for order, port in runner.routes.get(name, ()):
+            runner.push(runner.now_us, order, partial(port.deliver, name, data))
 
     def later(self, at_us: int, action: Callable[[int], None]) -> None:
         """Call ``action`` at ``at_us`` among this node's messages."""
@@ -64,7 +66,8 @@ class Lockstep:
         self._config = config
         self._nodes: list[Node] = []
         self._ports: list[LockstepPort] = []
-        self._routes: dict[str, list[tuple[int, LockstepPort]]] = {}
+        self.routes: dict[str, list[tuple[int, LockstepPort]]] = {}
+        """By channel name: who listens, and that node's order."""
         self._queue: list[tuple[int, int, int, int, Any]] = []
         self._sequence = count()
         self._injector: LockstepPort | None = None
@@ -77,7 +80,7 @@ class Lockstep:
         self._nodes.append(node)
         self._ports.append(port)
         for name in port.handlers:
-            self._routes.setdefault(name, []).append((order, port))
+            self.routes.setdefault(name, []).append((order, port))
         for timer in port.timers:
             timer.start(self.now_us)
             item = (timer.deadline_us, order, TIMER, next(self._sequence), timer)
@@ -88,11 +91,6 @@ class Lockstep:
         if self._injector is None:
             self._injector = LockstepPort("", self._config, self, order=0)
         self._injector.publish(channel, message)
-
-    def send(self, name: str, data: bytes) -> None:
-        """Queue encoded bytes for every node that listens to a channel."""
-        for order, port in self._routes.get(name, ()):
-            self.push(self.now_us, order, partial(port.deliver, name, data))
 
     def push(self, at_us: int, order: int, action: Callable[[int], None]) -> None:
         """Call ``action`` with the time at ``at_us``, among the messages of one node."""

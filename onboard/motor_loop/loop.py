@@ -117,14 +117,15 @@ class MotorLoop:
         return self._duties
 
     def _move_setpoint(self, now_us: int) -> None:
-        if self.state is State.DRIVING and self.hold.is_silent(now_us):
+        driving = self.state is State.DRIVING
+        if driving and self.hold.is_silent(now_us):
             self.hold.lose()
-            self.state = State.WATCHDOG
-        if self.state is State.WATCHDOG or self._releasing:
+            self.state, driving = State.WATCHDOG, False
+        if self._releasing or self.state is State.WATCHDOG:
             self.setpoint = approach(self.setpoint, REST, self._limits, self._tick_s)
             if self._releasing and self.setpoint == REST:
                 self._stand(State.REST)
-        elif self.state is State.DRIVING:
+        elif driving:
             if self._accelerates:
                 self.setpoint = self._ramp.step(self.setpoint)
             else:

@@ -21,6 +21,8 @@ def approach(present: Velocity, target: Velocity, limits: VelocityLimits, dt_s: 
 
     Both components are slowed by the same factor, so that the way is a straight line.
     """
+    if present == target:
+        return target
     dv, d_omega = target.v - present.v, target.omega - present.omega
     excess = max(
         abs(dv) / (limits.a_m_per_s2 * dt_s), abs(d_omega) / (limits.d_omega_rad_per_s2 * dt_s), 1.0
