@@ -119,17 +119,22 @@ class Lockstep:
         """
         end_us = self.now_us + round(limit_s * US_PER_S)
         next_report_us = self.now_us
-        queue, sequence = self._queue, self._sequence
-        while queue and queue[0][0] <= end_us:
-            if self.finished and queue[0][0] > self.now_us:
+        queue, sequence, push = self._queue, self._sequence, heapq.heappush
+        while queue:
+            item = heapq.heappop(queue)
+            time_us, order, kind, _, what = item
+            if time_us > end_us:
+                push(queue, item)
+                break
+            if self.finished and time_us > self.now_us:
+                push(queue, item)
                 return True
-            time_us, order, kind, _, what = heapq.heappop(queue)
             self.now_us = time_us
             if kind == MESSAGE:
                 what(time_us)
             else:
                 what.fire(time_us)
-                heapq.heappush(queue, (what.deadline_us, order, TIMER, next(sequence), what))
+                push(queue, (what.deadline_us, order, TIMER, next(sequence), what))
             if time_us >= next_report_us:
                 next_report_us += US_PER_S
                 if on_progress is not None:

@@ -63,15 +63,17 @@ class Cameras:
             )
             valid = True
         ready_us = utime + self._latency_us + round(delay * self._jitter_us)
-        if self._pending and self._pending[-1][0] > ready_us:
-            ready_us = self._pending[-1][0]
-        self._pending.append((ready_us, Frame(utime, seen, valid)))
+        pending = self._pending
+        if pending and pending[-1][0] > ready_us:
+            ready_us = pending[-1][0]
+        pending.append((ready_us, Frame(utime, seen, valid)))
 
     def ready(self, now_us: int) -> list[Frame]:
         """Return the frames whose latency has passed by ``now_us``, oldest first."""
         frames: list[Frame] = []
-        while self._pending and self._pending[0][0] <= now_us:
-            frames.append(self._pending.popleft()[1])
+        pending = self._pending
+        while pending and pending[0][0] <= now_us:
+            frames.append(pending.popleft()[1])
         return frames
 
     def _occluded(self, utime: int) -> bool:
