@@ -47,7 +47,7 @@ class Health:
 
     def hears(self, encoder_age_us: int | None) -> bool:
         """Return whether the newest encoder message (age in us) is young enough to drive by."""
-        return encoder_age_us is not None and encoder_age_us <= self._timeout_us
+        return encoder_age_us is not None and abs(encoder_age_us) <= self._timeout_us
 
     def check(
         self,
@@ -74,7 +74,7 @@ class Health:
         """
         silent = not self.hears(encoder_age_us) and any(duties)
         low = battery_v is not None and battery_v < self._battery_low_v
-        fresh = encoder_age_us is not None and encoder_age_us < OLDEST_US
+        fresh = encoder_age_us is not None and abs(encoder_age_us) < OLDEST_US
         left_stuck = fresh and speeds[LEFT] == 0.0 and abs(duties[LEFT]) > self._stuck_duty
         right_stuck = fresh and speeds[RIGHT] == 0.0 and abs(duties[RIGHT]) > self._stuck_duty
         if not (silent or low or left_stuck or right_stuck):
@@ -88,7 +88,8 @@ class Health:
         )
         for fault, bad, patience_us in findings:
             since_us = self._good_since_us[fault]
-            if not bad or since_us is None:
+            # A clock that was set back must not lengthen the patience.
+            if not bad or since_us is None or since_us > now_us:
                 since_us = self._good_since_us[fault] = now_us
             if bad and now_us - since_us >= patience_us:
                 return fault

@@ -86,6 +86,18 @@ CASES = {
         ("calibrate", "--lockstep", "--out", "{runs}/good"),
         ("runs", "--out"),
     ),
+    "fault without a simulated robot": (
+        ("fault", "occlusion"),
+        ("R1_PLANT_TRUTH is silent", "klab up"),
+    ),
+    "fault with another's detail": (
+        ("fault", "occlusion", "--wheel", "left"),
+        ("occlusion has no wheel",),
+    ),
+    "impossible planned fault": (
+        ("calibrate", "--lockstep", "--set", "faults=[{{kind: burst_loss, at_s: 1, loss: 2}}]"),
+        ("faults.0.loss", "less than or equal to 1", "found 2"),
+    ),
     "a bus that is none": (
         ("calibrate", "--url", "nonsense://", "--out", "{out}"),
         ("nonsense://", "ip route add"),
@@ -125,7 +137,7 @@ def test_doctor_is_content_here():
 
 @pytest.mark.parametrize(
     "command",
-    ["demo", "up", "calibrate", "train", "park", "estop", "doctor", "log info"]
+    ["demo", "up", "calibrate", "train", "park", "estop", "fault", "doctor", "log info"]
     + ["bench lockstep", "bench motor"]
     + [f"run {node}" for node in ("plant", "onboard", "logger", "sampler", "controller")],
 )

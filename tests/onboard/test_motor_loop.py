@@ -198,6 +198,41 @@ def test_a_short_dip_of_the_battery_is_no_fault(kinematic):
     assert faulty(kinematic, 1.0)[0] is None
 
 
+@pytest.mark.parametrize("step_s", [-1000.0, -1.0, 1.0, 1000.0])
+def test_a_clock_that_is_set_stops_the_robot_which_then_can_be_taken_again(kinematic, step_s):
+    """Ages across the step mean nothing: the robot must not go on by itself."""
+    kinematic.drive((0.4, 1.0), 1.0)
+    offset_us = round(step_s * 1e6)
+    fastest, loop, plant = 0.0, kinematic.loop, kinematic.plant
+    for _ in range(60):
+        plant.advance(kinematic.now_us)
+        now_us = kinematic.now_us + offset_us
+        loop.encoder(now_us, *plant.encoder_counts(), 7.4)
+        plant.drive(*loop.tick(now_us))
+        kinematic.now_us += TICK_US
+        fastest = max(fastest, plant.body_velocity()[0])
+        assert loop.state is State.WATCHDOG
+    assert fastest < 1.1 * 0.4
+    assert plant.body_velocity() == (0.0, 0.0)
+    kinematic.now_us += offset_us
+    assert kinematic.command((0.1, 0.0)) is None
+    assert loop.state is State.DRIVING
+
+
+@pytest.mark.parametrize("step_s", [-1000.0, -1.0])
+def test_a_clock_that_is_set_back_does_not_put_a_fault_off(kinematic, step_s):
+    kinematic.drive((0.2, 0.0), 0.5)
+    kinematic.battery_v = 6.0
+    assert faulty(kinematic, 0.3)[0] is None
+    offset_us = round(step_s * 1e6)
+    for _ in range(60):
+        now_us = kinematic.now_us + offset_us
+        kinematic.loop.encoder(now_us, *kinematic.plant.encoder_counts(), 6.0)
+        kinematic.loop.tick(now_us)
+        kinematic.now_us += TICK_US
+    assert kinematic.loop.fault is Fault.BATTERY_LOW
+
+
 def test_the_estop_acts_in_the_next_tick_and_holds_until_released(dynamic):
     dynamic.drive((0.3, 0.0), 1.0)
     dynamic.loop.estop(True)

@@ -1,0 +1,55 @@
+"""The plant with what goes wrong with its motors, counters and battery."""
+
+from __future__ import annotations
+
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.robot.faults import NO_EFFECTS, Faults
+from onboard.plant.counters import Counters, Counts
+from onboard.plant.driver import Driver
+from onboard.plant.plant import Plant
+
+
+class Hardware:
+    """Motor drivers with a watchdog of their own, and faults on demand; times are those of the bus.
+
+    Parameters
+    ----------
+    config
+        What goes wrong by itself, and the drivers' patience.
+    plant
+        What is driven.
+    start_us
+        Present time (us).
+    """
+
+    def __init__(self, config: LabConfig, plant: Plant, start_us: int) -> None:
+        self.faults = Faults(config.faults, start_us)
+        self.effects = NO_EFFECTS
+        """What is wrong at the time to which the plant was last advanced."""
+        self._plant = plant
+        self._counters = Counters()
+        self._driver = Driver(config.plant.motor.command_timeout_s)
+
+    def drive(self, left_duty: float, right_duty: float, now_us: int) -> None:
+        """Apply motor duties from now on."""
+        self.advance(now_us)
+        self._driver.hear(now_us)
+        self._plant.drive(left_duty, right_duty)
+
+    def advance(self, now_us: int) -> int:
+        """Take the plant to ``now_us``; return where it is, since it never runs backwards."""
+        plant, silent_us = self._plant, self._driver.silent_since(now_us)
+        if silent_us is not None:
+            plant.advance(silent_us)
+            plant.drive(0.0, 0.0)
+        plant.advance(now_us)
+        effects = self.faults.at(now_us)
+        if effects is not self.effects:
+            self.effects = effects
+            plant.drives.stall(*effects.motor_stalled)
+            plant.drives.feed(effects.battery_v)
+        return now_us if plant.time_us is None else plant.time_us
+
+    def encoder_counts(self) -> Counts:
+        """Return what both counters show."""
+        return self._counters.read(self._plant.encoder_counts(), self.effects.encoder_stuck)
