@@ -6,6 +6,7 @@ from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node
 from koopman_lab.config.schema import LabConfig
 from offboard.console.folder import RunFolder
+from offboard.console.watch import Onlooker
 from offboard.logger.node import LoggerNode
 from onboard.motor_loop.node import OnboardNode
 from onboard.plant.node import PlantNode
@@ -29,6 +30,7 @@ def logger(config: LabConfig, folder: RunFolder) -> Node:
 def lockstep_lab(config: LabConfig, folder: RunFolder, commander: Node) -> Lockstep:
     """Return the whole lab on virtual time, with ``commander`` driving the robot."""
     lab = Lockstep(config)
-    for node in (plant(config), onboard(config), logger(config, folder), commander):
+    standing = plant(config), onboard(config), logger(config, folder)
+    for node in (*standing, commander, Onlooker(config)):
         lab.add(node)
     return lab

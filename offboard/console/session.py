@@ -10,20 +10,15 @@ from typing import Any
 
 import typer
 
-import lcmtypes
 from koopman_lab.bus.channels import ONBOARD_STATUS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import LabStateError
-from koopman_lab.units import US_PER_S
 from offboard.console.folder import RunFolder
 from offboard.console.supervisor import present, start_missing, supervised
 from offboard.console.terminal import err
+from offboard.console.watch import RobotWatch
 
 INTERRUPTED = 130
-STOPPED_LIMIT_S = 3.0
-FAULTS = ("no fault", "battery low", "encoders silent", "left wheel stuck", "right wheel stuck")
-"""By the numbers of ``onboard_status_t``."""
 
 
 @contextlib.contextmanager
@@ -64,11 +59,12 @@ def in_real_time(
     Raises
     ------
     LabStateError
-        If a process dies or does not start.
+        If a process dies or does not start, or the robot is held still or silent.
     """
     result = folder.path / "processes" / f"{commander}.json"
     there = present(listener)
-    stopped = _Stopped(listener, config)
+    robot = RobotWatch(config)
+    listener.subscribe(ONBOARD_STATUS, lambda status: robot.see(status, listener.now_us()))
     with supervised(config, folder, listener) as lab:
         start_missing(lab, there, folder)
         if prepare is not None:
@@ -77,42 +73,10 @@ def in_real_time(
         while not lab.ended(commander):
             listener.spin(0.2)
             lab.check()
-            stopped.check(listener.now_us())
+            robot.check(listener.now_us())
             if watch is not None:
                 watch()
         lab.check()
     facts: dict[str, Any] = json.loads(result.read_text())
     result.unlink()
     return facts
-
-
-class _Stopped:
-    """Notices a robot that only a person can release."""
-
-    def __init__(self, listener: Listener, config: LabConfig) -> None:
-        self._since_us: int | None = None
-        self._why = ""
-        self._channel = ONBOARD_STATUS.name(config.robot.name)
-        self._listener = listener
-        listener.subscribe(ONBOARD_STATUS, self._on_status)
-
-    def check(self, now_us: int) -> None:
-        """Refuse to wait for a person who does not know of it.
-
-        Raises
-        ------
-        LabStateError
-            If the robot has been held still for a while.
-        """
-        if self._since_us is not None and now_us - self._since_us > STOPPED_LIMIT_S * US_PER_S:
-            raise LabStateError(
-                f"{self._channel}: the robot is stopped ({self._why}); mend the cause, then "
-                "`klab estop --release`, and start again"
-            )
-
-    def _on_status(self, status: lcmtypes.onboard_status_t) -> None:
-        if status.state not in (status.ESTOP, status.FAULT):
-            self._since_us = None
-        elif self._since_us is None:
-            self._since_us = self._listener.now_us()
-            self._why = FAULTS[status.fault] if status.state == status.FAULT else "emergency stop"

@@ -50,12 +50,15 @@ class Inputs:
         The newest wheel odometry, None if there is none yet.
     onboard_ready, logger_ready
         Whether the motor loop takes commands, and whether the session is written down.
+    onboard_obstacle
+        Why the motor loop takes no commands, if it does not.
     """
 
     frames: tuple[Frame, ...]
     wheels: WheelSpeeds | None
     onboard_ready: bool
     logger_ready: bool
+    onboard_obstacle: str = "onboard loop silent or stopped"
 
 
 @dataclass(frozen=True)
@@ -185,7 +188,7 @@ class Controller:
     def _obstacle(self, seen: Inputs, now_us: int) -> str | None:
         """Return what forbids driving."""
         if not seen.onboard_ready:
-            return "onboard loop silent or stopped"
+            return seen.onboard_obstacle
         if not seen.logger_ready:
             return "logger silent"
         measured_us, frame = self._estimator.measured_us, self._estimator.frame
