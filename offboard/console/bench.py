@@ -196,6 +196,34 @@ def motor(
         out.print(as_table(merit, preset.value))
 
 
+@app.command()
+def faults(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    preset: options.Preset = options.PresetName.lab,
+    only: Annotated[
+        str, typer.Option("--only", metavar="WORDS", help="Only faults whose name has these words.")
+    ] = "",
+    as_json: options.AsJson = False,
+) -> None:
+    """Show for every fault what the robot does, how fast it stands, and what the operator reads.
+
+    Example: klab bench faults --robot dynamic
+    """
+    from dataclasses import asdict
+
+    from offboard.console.bench_faults import as_table, suffer_all
+
+    lab = options.resolve(config, overrides, options.kind_of(robot), preset)
+    with progress("faults") as report:
+        rows = suffer_all(lab, only, report)
+    if as_json:
+        out.print_json(json.dumps([asdict(row) for row in rows]))
+    else:
+        out.print(as_table(rows, lab.robot.kind))
+
+
 def _lab(config: LabConfig) -> tuple[Lockstep, Weaver]:
     from koopman_lab.bus.lockstep import Lockstep
     from offboard.console import nodes

@@ -243,8 +243,8 @@ class Controller:
         after_end = wheels is not None and wheels.utime > self._ended_us
         stopped = wheels is not None and after_end and _at_rest(*wheels.velocity)
         # Without odometry nothing more can be done for a robot that rolls: it is braked by the
-        # motor loop's watchdog as soon as commands stop.
-        blind = self._accelerates and not self._estimator.knows_speed(now_us)
+        # motor loop as soon as it is given up, or by its watchdog.
+        blind = not self._estimator.knows_speed(now_us)
         late = now_us - self._ended_us >= round(STOP_LIMIT_S * US_PER_S)
         return replace(outputs, finished=stopped or blind or late)
 
