@@ -50,7 +50,7 @@ def by_estop(config: LabConfig) -> float:
 
 
 def by_stuck_wheel(config: LabConfig) -> float:
-    """Return the time to rest after a wheel seems to stand (s)."""
+    """Return the time to rest after a wheel seems to stand (s), even if it is hardly driven."""
     return config.motor_loop.health.stuck_s + ON_THE_WAY_S + COAST_S
 
 

@@ -67,7 +67,7 @@ class Mortal:
 
 class _MortalPort:
     def __init__(self, port: Port, owner: Mortal) -> None:
-        self.robot_name, self.virtual = port.robot_name, port.virtual
+        self.robot_name, self.virtual, self.process = port.robot_name, port.virtual, port.process
         self._port, self._owner = port, owner
         self.now_us, self.lost_messages = port.now_us, port.lost_messages
 

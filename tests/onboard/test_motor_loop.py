@@ -180,6 +180,21 @@ def test_a_fault_stops_the_motors_and_holds_until_it_is_released(kinematic, what
     assert kinematic.command((0.1, 0.0), intent=Intent.CONTINUE) == "order"
 
 
+def test_a_stuck_encoder_is_found_before_the_wheel_runs_away(kinematic):
+    """The speed controller sees no speed and drives ever harder."""
+    kinematic.drive((0.3, 0.0), 1.0)
+    before, stuck = kinematic.plant.drives.left_rad_per_s, kinematic.plant.encoder_counts()[0]
+    counts = kinematic.plant.encoder_counts
+    kinematic.plant.encoder_counts = lambda: (stuck, counts()[1])
+    fastest = 0.0
+    while kinematic.loop.state is not State.FAULT:
+        kinematic.command((0.3, 0.0), intent=Intent.CONTINUE)
+        kinematic.tick()
+        fastest = max(fastest, kinematic.plant.drives.left_rad_per_s)
+    assert kinematic.loop.fault is Fault.LEFT_WHEEL_STUCK
+    assert fastest < 2.0 * before
+
+
 def iter_counts(what, left, right, step):
     state = {"left": left, "right": right}
 
@@ -188,6 +203,19 @@ def iter_counts(what, left, right, step):
         return state["left"], state["right"]
 
     return counts
+
+
+@pytest.mark.parametrize("v", [-0.006, 0.003, 0.02])
+@pytest.mark.parametrize("preset", ["lab", "harsh"])
+def test_a_creeping_wheel_that_friction_holds_is_no_stuck_one(preset, v):
+    """It breaks away as soon as the speed controller has wound up so far."""
+    bench = Bench(load_config(robot="dynamic", preset=preset))
+    bench.drive((v / 0.05, 0.0), 0.05)
+    way = 0.0
+    for row in bench.drive((0.0, 0.0), 8.0):
+        way += 0.01 * row[2]
+    assert bench.loop.fault is Fault.NO_FAULT
+    assert way == pytest.approx(8.0 * v, rel=0.3)
 
 
 def test_a_short_dip_of_the_battery_is_no_fault(kinematic):
@@ -226,9 +254,10 @@ def test_a_clock_that_is_set_back_does_not_put_a_fault_off(kinematic, step_s):
     assert faulty(kinematic, 0.3)[0] is None
     offset_us = round(step_s * 1e6)
     for _ in range(60):
+        kinematic.plant.advance(kinematic.now_us)
         now_us = kinematic.now_us + offset_us
         kinematic.loop.encoder(now_us, *kinematic.plant.encoder_counts(), 6.0)
-        kinematic.loop.tick(now_us)
+        kinematic.plant.drive(*kinematic.loop.tick(now_us))
         kinematic.now_us += TICK_US
     assert kinematic.loop.fault is Fault.BATTERY_LOW
 
