@@ -68,8 +68,10 @@ class Faults:
 
     def __init__(self, planned: Iterable[PlannedFault], start_us: int) -> None:
         self._spans = [_span(fault, start_us + fault.at_s * US_PER_S) for fault in planned]
-        self._effects = NO_EFFECTS
-        self._holds_until_us: float = -math.inf
+        self.effects = NO_EFFECTS
+        """What is wrong, as last asked."""
+        self.change_us: float = -math.inf
+        """Before this time (us) nothing changes."""
 
     def inject(self, fault: Fault, now_us: int) -> None:
         """Begin a fault; one of the same kind and wheel that is under way ends."""
@@ -80,20 +82,20 @@ class Faults:
             or (span.fault.kind, span.fault.wheel) != (fault.kind, fault.wheel)
         ]
         self._spans.append(_span(fault, now_us))
-        self._holds_until_us = -math.inf
+        self.change_us = -math.inf
 
     def at(self, now_us: int) -> Effects:
         """Return what is wrong at ``now_us``; calls come in order of time.
 
         The same object is returned until something changes.
         """
-        if now_us >= self._holds_until_us:
+        if now_us >= self.change_us:
             self._spans = [span for span in self._spans if span.end_us > now_us]
             under_way = [span.fault for span in self._spans if span.start_us <= now_us]
-            self._effects = _together(under_way) if under_way else NO_EFFECTS
+            self.effects = _together(under_way) if under_way else NO_EFFECTS
             changes = (t for span in self._spans for t in (span.start_us, span.end_us))
-            self._holds_until_us = min((t for t in changes if t > now_us), default=math.inf)
-        return self._effects
+            self.change_us = min((t for t in changes if t > now_us), default=math.inf)
+        return self.effects
 
 
 def fault_message(fault: Fault, utime: int) -> lcmtypes.fault_t:

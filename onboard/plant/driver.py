@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from koopman_lab.units import US_PER_S
 
 
@@ -15,16 +17,16 @@ class Driver:
     """
 
     def __init__(self, timeout_s: float) -> None:
+        self.due_us: float = math.inf
+        """When the drivers lose patience (us); infinite before the first command, and after."""
         self._timeout_us = round(timeout_s * US_PER_S)
-        self._due_us: int | None = None
 
     def hear(self, now_us: int) -> None:
         """Take note of a command."""
-        self._due_us = now_us + self._timeout_us
+        self.due_us = now_us + self._timeout_us
 
-    def silent_since(self, now_us: int) -> int | None:
-        """Return, once per silence, when the drivers lost patience (us); None before that."""
-        if self._due_us is None or now_us < self._due_us:
-            return None
-        due_us, self._due_us = self._due_us, None
+    def brake(self) -> int:
+        """Return when patience was lost (us), once per silence."""
+        assert self.due_us < math.inf  # so the caller has seen
+        due_us, self.due_us = int(self.due_us), math.inf
         return due_us

@@ -38,16 +38,15 @@ class Hardware:
 
     def advance(self, now_us: int) -> int:
         """Take the plant to ``now_us``; return where it is, since it never runs backwards."""
-        plant, silent_us = self._plant, self._driver.silent_since(now_us)
-        if silent_us is not None:
-            plant.advance(silent_us)
+        plant = self._plant
+        if now_us >= self._driver.due_us:
+            plant.advance(self._driver.brake())
             plant.drive(0.0, 0.0)
         plant.advance(now_us)
-        effects = self.faults.at(now_us)
-        if effects is not self.effects:
-            self.effects = effects
-            plant.drives.stall(*effects.motor_stalled)
-            plant.drives.feed(effects.battery_v)
+        if now_us >= self.faults.change_us:
+            self.effects = self.faults.at(now_us)
+            plant.drives.stall(*self.effects.motor_stalled)
+            plant.drives.feed(self.effects.battery_v)
         return now_us if plant.time_us is None else plant.time_us
 
     def encoder_counts(self) -> Counts:
