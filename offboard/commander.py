@@ -6,7 +6,7 @@ from importlib.metadata import version
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.commanders import commander_number
+from koopman_lab.bus.commanders import commander_name, commander_number
 from koopman_lab.bus.node import Port
 from koopman_lab.config.load import dump_config
 from koopman_lab.config.schema import LabConfig
@@ -60,8 +60,9 @@ class Freshness:
         why = why_stopped(status)
         if why is not None:
             return f"onboard loop stopped: {why}"
-        held = status.commander not in (0, commander)
-        return "onboard loop held by another commander" if held else None
+        if status.commander in (0, commander):
+            return None
+        return f"onboard loop held by {commander_name(status.commander)}"
 
     def logger(self, now_us: int) -> bool:
         """Return whether the logger is writing down what happens."""

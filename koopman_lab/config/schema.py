@@ -118,9 +118,9 @@ class Fault(Section):
     kind: FaultKind
     duration_s: Annotated[float, Field(ge=0)] | None = None
     wheel: Literal["both", "left", "right"] | None = None
-    battery_v: Positive | None = None
+    battery_v: Annotated[float, Field(gt=0, le=100)] | None = None
     loss: Share | None = None
-    jump_s: Finite | None = None
+    jump_s: Annotated[float, Field(ge=-1e9, le=1e9)] | None = None
 
     @model_validator(mode="before")
     @classmethod

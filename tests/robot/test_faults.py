@@ -78,6 +78,8 @@ def test_a_fault_crosses_the_bus_unchanged(kind, duration_s):
 @pytest.mark.parametrize(
     "changes",
     [
+        {"kind": 6, "jump_s": 1e300},
+        {"kind": 3, "battery_v": 1e300},
         {"kind": 99},
         {"kind": -1},
         {"wheel": 3},
