@@ -60,6 +60,7 @@ def fault(
     ] = None,
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
+    robot_name: options.RobotsName = None,
     url: options.Url = None,
 ) -> None:
     """Let something go wrong with the simulated robot now; waits until the plant says so.
@@ -72,7 +73,7 @@ def fault(
     from koopman_lab.errors import LabStateError
     from koopman_lab.robot.faults import fault_message
 
-    lab = options.resolve(config, overrides, None, url=url)
+    lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
     details = {"wheel": wheel and wheel.value, "battery_v": battery_v}
     wanted = _fault(kind, duration_s, **details, loss=loss, jump_s=jump_s)
     listener = options.listen(lab)

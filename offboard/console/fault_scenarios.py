@@ -263,7 +263,7 @@ SCENARIOS: tuple[Scenario, ...] = (
         Inject(Fault(kind="radio_cut")),
         ("WATCHDOG",),
         by_watchdog,
-        "R1_ONBOARD_STATUS: silent",
+        "ONBOARD_STATUS: silent",
         activity="calibrate",
         watched_s=5.0,
     ),

@@ -87,8 +87,8 @@ CASES = {
         ("runs", "--out"),
     ),
     "fault without a simulated robot": (
-        ("fault", "occlusion"),
-        ("R1_PLANT_TRUTH is silent", "klab up"),
+        ("fault", "occlusion", "--robot-name", "R9"),
+        ("R9_PLANT_TRUTH is silent", "klab up"),
     ),
     "fault with another's detail": (
         ("fault", "occlusion", "--wheel", "left"),
