@@ -98,7 +98,7 @@ class Commands:
 
     def __init__(self, port: Port, config: LabConfig, role: int) -> None:
         self._port = port
-        self.number = commander_number(role, port)
+        self.number = commander_number(role, port.process)
         """Of this commander, in commands and in what the motor loop says of them."""
         TimeServer(port)
         self._accelerates = config.robot.kind == "dynamic"

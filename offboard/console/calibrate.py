@@ -41,13 +41,15 @@ def calibrate(
 
     Example: klab calibrate --robot kinematic --lockstep --seed 1 --out runs/calibration
     """
+    from offboard.console.watch import ear
+
     wanted = list(overrides or ())
     if segments is not None:
         wanted.append(f"sampler.segments_per_basis={segments}")
     lab = options.resolve(
         config, wanted, options.kind_of(robot), preset, seed, url, robot_name=robot_name
     )
-    listener = None if lockstep else options.listen(lab)
+    listener = ear(lab, lockstep=lockstep)
     folder = new_folder(out, "calibration", lab)
     summary = record(lab, folder, listener)
     show(folder, summary)

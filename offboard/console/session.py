@@ -10,7 +10,9 @@ from typing import Any
 
 import typer
 
+import lcmtypes
 from koopman_lab.bus.channels import ONBOARD_STATUS
+from koopman_lab.bus.commanders import commander_number
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.schema import LabConfig
 from offboard.console.folder import RunFolder
@@ -19,6 +21,10 @@ from offboard.console.terminal import err
 from offboard.console.watch import RobotWatch
 
 INTERRUPTED = 130
+ROLES = {
+    "sampler": lcmtypes.velocity_command_t.SAMPLER,
+    "controller": lcmtypes.velocity_command_t.CONTROLLER,
+}
 
 
 @contextlib.contextmanager
@@ -59,7 +65,7 @@ def in_real_time(
     Raises
     ------
     LabStateError
-        If a process dies or does not start, or the robot is held still or silent.
+        If a process dies or does not start, or the robot is held still, silent, or another's.
     """
     result = folder.path / "processes" / f"{commander}.json"
     there = present(listener)
@@ -70,6 +76,7 @@ def in_real_time(
         if prepare is not None:
             prepare(there)
         lab.start(commander, *arguments, "--result", result)
+        robot.commander = commander_number(ROLES[commander], lab.process(commander))
         while not lab.ended(commander):
             listener.spin(0.2)
             lab.check()

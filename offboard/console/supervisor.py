@@ -130,6 +130,10 @@ class Supervisor:
             last = "\n".join(f"    {line}" for line in lines) or "    (it said nothing)"
             raise LabStateError(f"{name} died ({how}); {file} ends with:\n{last}")
 
+    def process(self, name: str) -> int:
+        """Return the process number of a child."""
+        return self._children[name].pid
+
     def ended(self, name: str) -> bool:
         """Return whether a child has ended."""
         return self._children[name].poll() is not None
