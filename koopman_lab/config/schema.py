@@ -351,6 +351,12 @@ class Controller(Section):
     largest_failures_in_a_row: Annotated[int, Field(ge=1)]
 
 
+class Logger(Section):
+    """The logger."""
+
+    largest_file_bytes: Annotated[int, Field(ge=1_000_000)]
+
+
 class LabConfig(Section):
     """One lab."""
 
@@ -363,6 +369,7 @@ class LabConfig(Section):
     motor_loop: MotorLoop
     plant: Plant
     mocap: Mocap
+    logger: Logger
     sampler: Sampler
     processing: Processing
     model: Model

@@ -15,6 +15,7 @@ from koopman_lab.bus.channels import ONBOARD_STATUS
 from koopman_lab.bus.commanders import commander_number
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import LabError
 from offboard.console.folder import RunFolder
 from offboard.console.supervisor import present, start_missing, supervised
 from offboard.console.terminal import err
@@ -28,14 +29,22 @@ ROLES = {
 
 
 @contextlib.contextmanager
-def keeping_the_log(folder: RunFolder) -> Iterator[None]:
-    """End the command after Ctrl-C inside the block; what was recorded stays, and is named."""
+def keeping_the_log(folder: RunFolder, then: str = "") -> Iterator[None]:
+    """End the command after Ctrl-C inside the block; what was recorded stays, and is named.
+
+    ``then`` is what a person can do next, after that and after an expected mistake.
+    """
     try:
         yield
     except KeyboardInterrupt:
         if folder.log.exists():
             err.print(f"interrupted; what was recorded is in {folder.log}")
+            err.print(then, end="\n" if then else "")
         raise typer.Exit(INTERRUPTED) from None
+    except LabError as error:
+        if then and folder.log.exists():
+            raise type(error)(f"{error}\n{then}") from None
+        raise
 
 
 def in_real_time(
@@ -44,6 +53,7 @@ def in_real_time(
     listener: Listener,
     commander: str,
     *arguments: str | Path,
+    resume: bool = False,
     prepare: Callable[[set[str]], None] | None = None,
     watch: Callable[[], None] | None = None,
 ) -> dict[str, Any]:
@@ -57,6 +67,8 @@ def in_real_time(
         Name of the node: sampler or controller.
     *arguments
         For its `klab run` command.
+    resume
+        Go on behind the log that is there.
     prepare
         Called when the others are ready, with the nodes that were there before.
     watch
@@ -72,7 +84,7 @@ def in_real_time(
     robot = RobotWatch(config)
     listener.subscribe(ONBOARD_STATUS, lambda status: robot.see(status, listener.now_us()))
     with supervised(config, folder, listener) as lab:
-        start_missing(lab, there, folder)
+        start_missing(lab, there, folder, resume=resume)
         if prepare is not None:
             prepare(there)
         lab.start(commander, *arguments, "--result", result)

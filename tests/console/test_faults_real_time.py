@@ -45,8 +45,14 @@ class Witness:
             self.listener.spin(WAIT_S)
             assert self.listener.now_us() < end_us, "did not happen in time"
 
-    def wait_until_fast(self):
-        self.wait(lambda: self.sights and self.sights[-1].v_m_per_s > FAST_M_PER_S)
+    def wait_until_fast(self, session):
+        """Wait until a session drives the robot fast; if it never does, quote the session."""
+        end_us = self.listener.now_us() + LIMIT_S * 1e6
+        while not any(sight.v_m_per_s > FAST_M_PER_S for sight in self.sights[-10:]):
+            self.listener.spin(WAIT_S)
+            if session.poll() is not None or self.listener.now_us() > end_us:
+                session.kill()
+                pytest.fail(f"does not drive: {session.communicate()[0]}")
 
     def kill(self, name):
         self.wait(lambda: name in self.pids)
@@ -94,7 +100,7 @@ def start(witness, tmp_path):
 
     def begin(*arguments):
         started.append(start_klab(*arguments, "--out", tmp_path / "run"))
-        witness.wait_until_fast()
+        witness.wait_until_fast(started[-1])
         return started[-1]
 
     yield begin
