@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
@@ -134,6 +135,18 @@ def split_name(name: str) -> tuple[str, Channel[Any]]:
         f"channel {name!r} is not of this lab; names are ROBOT_SUFFIX with one of: "
         f"{_listing(CHANNELS)}"
     )
+
+
+def robots_of(names: Iterable[str]) -> list[str]:
+    """Return the robots that speak on some of these channels, in alphabetical order.
+
+    Channels that are none of this lab say nothing.
+    """
+    robots = set()
+    for name in names:
+        with contextlib.suppress(BusError):
+            robots.add(split_name(name)[0])
+    return sorted(robots)
 
 
 def _listing(channels: Iterable[Channel[Any]]) -> str:

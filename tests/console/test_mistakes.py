@@ -137,8 +137,8 @@ def test_doctor_is_content_here():
 
 @pytest.mark.parametrize(
     "command",
-    ["demo", "up", "calibrate", "train", "park", "estop", "fault", "doctor", "log info"]
-    + ["bench lockstep", "bench motor", "bench faults"]
+    ["demo", "up", "calibrate", "train", "park", "replay", "estop", "fault", "doctor"]
+    + ["log info", "bench lockstep", "bench motor", "bench faults"]
     + [f"run {node}" for node in ("plant", "onboard", "logger", "sampler", "controller")],
 )
 def test_help_shows_a_worked_example(command):

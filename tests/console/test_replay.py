@@ -1,0 +1,85 @@
+"""A log sent again: everybody sees it as live, and no robot moves."""
+
+import signal
+import subprocess
+
+import pytest
+from klab import KLAB, SMALL_AREA, klab, klab_ok
+from test_real_time import Ear, other, recorded
+
+LAST = "R1_SAMPLER_STATE"
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs") / "calibration"
+    klab_ok("calibrate", "--lockstep", "--segments", "3", "--out", folder, *SMALL_AREA)
+    return folder
+
+
+@pytest.mark.parametrize("speed", ["8", "40"])
+def test_a_replayed_session_trains_the_same_model_at_any_speed(session, speed, bus_url, tmp_path):
+    url, copy = other(bus_url), tmp_path / "copy"
+    logger = subprocess.Popen([*KLAB, "run", "logger", "--url", url, "--out", str(copy)])
+    ear = Ear(url)
+    ear.wait_for("logger")
+    done = klab("replay", session, "--speed", speed, "--url", url)
+    assert done.returncode == 0, done.stderr
+    last = recorded(session / "session.lcm")[LAST][-1]
+    ear.wait(lambda: last in recorded(copy / "session.lcm").get(LAST, []))
+    logger.send_signal(signal.SIGINT)
+    assert logger.wait(timeout=10) == 0
+    for name, folder in (("a", session), ("b", copy)):
+        klab_ok("train", folder, "--out", tmp_path / f"{name}.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_a_replay_onto_the_bus_of_a_live_robot_is_refused(session, bus_url):
+    onboard = subprocess.Popen([*KLAB, "run", "onboard", "--url", bus_url])
+    try:
+        Ear(bus_url).wait_for("onboard")
+        done = klab("replay", session, "--url", bus_url)
+    finally:
+        onboard.send_signal(signal.SIGINT)
+        assert onboard.wait(timeout=10) == 0
+    assert done.returncode == 2
+    assert f"R1 is alive on {bus_url} (onboard)" in done.stderr
+    assert "--url" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_damaged_log_is_replayed_as_far_as_it_goes_and_says_what_it_skips(
+    session, bus_url, tmp_path
+):
+    whole = (session / "session.lcm").read_bytes()
+    begin = len(whole) // 2
+    path = tmp_path / "damaged.lcm"
+    path.write_bytes(whole[:begin] + bytes(300) + whole[begin + 300 :])
+    done = klab("replay", path, "--speed", "1000", "--url", other(bus_url))
+    assert done.returncode == 0, done.stderr
+    assert "damaged, passed over: " in done.stderr
+    assert "events of" in done.stderr
+
+
+@pytest.mark.parametrize("speed", ["0", "-1", "inf", "nan"])
+def test_a_speed_that_is_none_is_refused(session, speed):
+    done = klab("replay", session, "--speed", speed)
+    assert done.returncode == 2
+    assert "--speed" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_interrupting_a_replay_is_clean(session, bus_url):
+    process = subprocess.Popen(
+        [*KLAB, "replay", str(session), "--url", other(bus_url)],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    said = process.stderr.readline()
+    assert "replaying" in said
+    process.send_signal(signal.SIGINT)
+    _, rest = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "interrupted after" in rest
+    assert "Traceback" not in rest
