@@ -28,12 +28,12 @@ class LockstepPort(BasePort):
     virtual = True
 
     def __init__(self, node_name: str, config: LabConfig, runner: Lockstep, order: int) -> None:
-        super().__init__(node_name, config, process=0, start_us=runner.now_us)
+        super().__init__(node_name, config, runner.process, start_us=runner.now_us)
         self._runner = runner
         self._order = order
 
     def bus_us(self) -> int:
-        """Return the virtual time in us, from 0."""
+        """Return the virtual time in us, from 0 unless a record is run again."""
         return self._runner.now_us
 
     def finish(self) -> None:
@@ -64,10 +64,13 @@ class Lockstep:
         The lab.
     start_us
         Virtual time at which it begins.
+    process
+        Number of the nodes' process, where a record of another one is run again.
     """
 
-    def __init__(self, config: LabConfig, start_us: int = 0) -> None:
+    def __init__(self, config: LabConfig, start_us: int = 0, process: int = 0) -> None:
         self.now_us = start_us
+        self.process = process
         self.finished = False
         """Whether a node's work is done."""
         self._config = config
@@ -95,9 +98,11 @@ class Lockstep:
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message as if somebody outside the nodes had sent it now."""
-        if self._injector is None:
-            self._injector = LockstepPort("", self._config, self, order=0)
-        self._injector.publish(channel, message)
+        self._outsider().publish(channel, message)
+
+    def send(self, name: str, data: bytes) -> None:
+        """Send bytes as if somebody outside the nodes had sent them now."""
+        self._outsider().send(name, data)
 
     def push(self, at_us: int, order: int, action: Callable[[int], None]) -> None:
         """Call ``action`` with the time at ``at_us``, among the messages of one node."""
@@ -155,3 +160,8 @@ class Lockstep:
         """Close the nodes, last added first."""
         for node in reversed(self._nodes):
             node.close()
+
+    def _outsider(self) -> LockstepPort:
+        if self._injector is None:
+            self._injector = LockstepPort("", self._config, self, order=0)
+        return self._injector

@@ -106,16 +106,23 @@ def dump_config(config: LabConfig) -> str:
 def parse_config(text: str, source: str) -> LabConfig:
     """Return a whole configuration from text that :func:`dump_config` wrote.
 
+    Keys that an older version did not have yet take their defaults.
+
     Raises
     ------
     ConfigError
-        If the text is not a whole valid configuration; ``source`` says where it came from.
+        If the text is no valid configuration of a robot; ``source`` says where it came from.
     """
-    layer = _parse(text, source)
+    said = _parse(text, source)
+    kind = _robot_kind([said])
+    values = said.values
+    if kind is not None:
+        for name in (kind, "base"):
+            values = merge(_default(name).values, values)
     try:
-        return LabConfig.model_validate(layer.values)
+        return LabConfig.model_validate(values)
     except ValidationError as error:
-        raise ConfigError(_explain(error.errors(), [layer])) from None
+        raise ConfigError(_explain(error.errors(), [said])) from None
 
 
 def merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:

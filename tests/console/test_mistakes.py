@@ -137,7 +137,7 @@ def test_doctor_is_content_here():
 
 @pytest.mark.parametrize(
     "command",
-    ["demo", "up", "calibrate", "train", "park", "replay", "estop", "fault", "doctor"]
+    ["demo", "up", "calibrate", "train", "park", "replay", "rerun", "estop", "fault", "doctor"]
     + ["log info", "bench lockstep", "bench motor", "bench faults"]
     + [f"run {node}" for node in ("plant", "onboard", "logger", "sampler", "controller")],
 )
