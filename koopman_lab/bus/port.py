@@ -14,6 +14,7 @@ from koopman_lab.bus.clock import DriftingClock
 from koopman_lab.bus.node import Node, RawHandler, Tick
 from koopman_lab.bus.radio import RadioPair, radio_pair
 from koopman_lab.bus.sequence import SMALLEST_MESSAGE, SequenceCounter, peek, restamp
+from koopman_lab.bus.wire import Wire
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.robot.faults import Faults, fault_of
 from koopman_lab.units import US_PER_S
@@ -88,6 +89,11 @@ class BasePort(ABC):
         self._radio: RadioPair | None = None
         self._clock: DriftingClock | None = None
         self._wired = {c.name(self.robot_name) for c in CHANNELS if c.wired}
+        self._wires: dict[str, Wire] = {}
+        if node_name in (ABOARD, "plant"):
+            self._wires = {
+                c.name(self.robot_name): Wire() for c in CHANNELS if c.wired and c.rate != "event"
+            }
         if node_name == ABOARD:
             self._faults = Faults(config.faults, start_us)
             self._radio = radio_pair(config)
@@ -207,6 +213,9 @@ class BasePort(ABC):
         """Hand a message to the handlers of its channel."""
         if len(data) >= SMALLEST_MESSAGE:
             utime, sequence = peek(data)
+            wire = self._wires.get(name)
+            if wire is not None and not wire.takes(utime, arrived_us):
+                return
             if self._clock is not None and name in self._wired:
                 # The board reads its encoders itself, and so stamps them by its own clock.
                 data = restamp(data, self._own_us(utime))

@@ -24,13 +24,14 @@ class OnboardNode:
         self._config = config
         self._robot = config.robot
         self._rates = config.motor_loop
+        self._stopped_us = 0
 
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
         self._port = port
         self._time = DeskTime(port, self._config)
         port.subscribe(channels.ENCODER, self._on_encoder)
-        port.subscribe(channels.ESTOP, lambda message: self.loop.estop(message.engaged))
+        port.subscribe(channels.ESTOP, self._on_estop)
         port.subscribe_raw(channels.VELOCITY_CMD, self._on_command)
         port.subscribe_raw(channels.ACCELERATION_CMD, self._on_command)
         port.every(self._rates.rate_hz, self._on_tick)
@@ -43,6 +44,16 @@ class OnboardNode:
 
     def _on_encoder(self, message: lcmtypes.encoder_t) -> None:
         self.loop.encoder(message.utime, message.left_count, message.right_count, message.battery_v)
+
+    def _on_estop(self, message: lcmtypes.estop_t) -> None:
+        if message.engaged:
+            # Nobody stops it in the future; so no time, however wrong, makes it stop for good.
+            desk_us = self._time.to_desk(self._port.now_us())
+            self._stopped_us = max(self._stopped_us, min(message.utime, desk_us))
+        elif message.utime < self._stopped_us:
+            # A release older than the stop comes from a replayed log.
+            return
+        self.loop.estop(message.engaged)
 
     def _on_command(self, name: str, data: bytes, arrived_us: int) -> None:
         del name

@@ -1,11 +1,17 @@
 """A log sent again: everybody sees it as live, and no robot moves."""
 
+import math
 import signal
 import subprocess
+from pathlib import Path
 
 import pytest
 from klab import KLAB, SMALL_AREA, klab, klab_ok
-from test_real_time import Ear, other, recorded
+from test_real_time import Ear, other, recorded, tool
+
+from koopman_lab.bus.channels import ONBOARD_STATUS, PLANT_TRUTH
+
+REFERENCE = Path(__file__).parents[1] / "data" / "reference" / "calibration.lcm"
 
 LAST = "R1_SAMPLER_STATE"
 
@@ -46,6 +52,43 @@ def test_a_replay_onto_the_bus_of_a_live_robot_is_refused(session, bus_url):
     assert f"R1 is alive on {bus_url} (onboard)" in done.stderr
     assert "--url" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_lcm_logplayer_on_the_bus_of_a_live_robot_does_not_move_it(bus_url):
+    """Nothing warns who plays a log this way; so the robot itself must tell it from the living."""
+    nodes = [subprocess.Popen([*KLAB, "run", n, "--url", bus_url]) for n in ("plant", "onboard")]
+    poses, statuses = [], []
+    try:
+        ear = Ear(bus_url)
+
+        def keep(kept):
+            def note(message):
+                if abs(ear.listener.now_us() - message.utime) < 2_000_000:
+                    kept.append(message)
+
+            return note
+
+        ear.listener.subscribe(PLANT_TRUTH, keep(poses))
+        ear.listener.subscribe(ONBOARD_STATUS, keep(statuses))
+        ear.wait(lambda: len(poses) > 100 and statuses)
+        player = subprocess.Popen(
+            [tool("lcm-logplayer"), f"--lcm-url={bus_url}", "--speed=3", str(REFERENCE)],
+            stdout=subprocess.DEVNULL,
+        )
+        ear.wait(lambda: player.poll() is not None)
+        count = len(statuses)
+        ear.wait(lambda: len(statuses) > count + 3)
+    finally:
+        for node in nodes:
+            node.send_signal(signal.SIGINT)
+            assert node.wait(timeout=10) == 0
+    last, start = statuses[-1], poses[0]
+    assert last.accepted == 0
+    assert last.refused_stale > 100
+    assert last.state == last.REST
+    # Where the onboard process was kept from running, a motor duty may get through until it speaks.
+    moved = [math.hypot(p.x1_m - start.x1_m, p.x2_m - start.x2_m) for p in poses]
+    assert max(moved) < 0.02
 
 
 def test_a_damaged_log_is_replayed_as_far_as_it_goes_and_says_what_it_skips(
