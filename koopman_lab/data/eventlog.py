@@ -16,9 +16,12 @@ from typing import NamedTuple
 
 from koopman_lab.bus.channels import LONGEST_NAME
 from koopman_lab.errors import LogError
+from koopman_lab.units import US_PER_S
 
 SYNC_WORD = 0xEDA1DA01
 HEADER = struct.Struct(">IqqII")
+_BEGINNING = struct.Struct(">IQ")
+"""Sync word and number, which two's complement packs alike with and without sign."""
 _SYNC_BYTES = SYNC_WORD.to_bytes(4, "big")
 
 
@@ -62,10 +65,17 @@ class Damage:
     after_us: int | None
     before_us: int | None
 
+    @property
+    def duration_s(self) -> float | None:
+        """Return the time between the events on either side (s), None at an end of the log."""
+        if self.after_us is None or self.before_us is None:
+            return None
+        return (self.before_us - self.after_us) / US_PER_S
+
     def __str__(self) -> str:
         text = f"{self.size} bytes at byte {self.offset}"
-        if self.after_us is not None and self.before_us is not None:
-            return f"{text}, {(self.before_us - self.after_us) / 1e6:.3f} s"
+        if self.duration_s is not None:
+            return f"{text}, {self.duration_s:.3f} s"
         return f"{text}, at the {'start' if self.after_us is None else 'end'}"
 
 
@@ -138,7 +148,7 @@ def scan(
     length = len(log)
     while position < length:
         frame = _frame_at(log, position)
-        if frame is not None and _ends_well(log, frame):
+        if frame is not None and _is_followed(log, frame):
             yield frame
             position, events, last_us = frame.stop, events + 1, frame.timestamp_us
             continue
@@ -184,8 +194,16 @@ def _channel_name(name: bytes) -> str:
     return text if text.isprintable() else ""
 
 
-def _ends_well(log: bytes, frame: Frame) -> bool:
-    return frame.stop == len(log) or log.startswith(_SYNC_BYTES, frame.stop)
+def _is_followed(log: bytes, frame: Frame) -> bool:
+    """Return whether the next event, or the end, comes just where this one ends."""
+    following = _BEGINNING.pack(SYNC_WORD, (frame.number + 1) % 2**64)
+    if log.startswith(following, frame.stop):
+        return True
+    if frame.stop < len(log) and not log.startswith(_SYNC_BYTES, frame.stop):
+        return False
+    # Some other event comes next. A damaged length may reach over whole events, to just there.
+    inside = log.find(following, frame.start, frame.stop)
+    return inside < 0 or _frame_at(log, inside) is None
 
 
 def _next_frame(log: bytes, position: int) -> Frame | None:

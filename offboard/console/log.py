@@ -13,6 +13,9 @@ from koopman_lab.errors import LogError
 from offboard.console import options
 from offboard.console.terminal import err, out
 
+SHOWN = 10
+"""Damaged places listed one by one."""
+
 app = typer.Typer(help="Look into session logs.", no_args_is_help=True)
 
 
@@ -44,12 +47,15 @@ def info(
             raise LogError(f"{log.path}: no channel {name}; there are: {', '.join(log.channels)}")
     rows = {n: c for n, c in log.channels.items() if not channel or n in channel}
     skipped = sum(d.size for d in log.damage)
+    skipped_s = sum(d.duration_s or 0.0 for d in log.damage)
     if as_json:
         facts = {
             "file": str(log.path),
             "duration_s": log.duration_s,
             "events": sum(c.count for c in log.channels.values()),
             "skipped_bytes": skipped,
+            "skipped_s": skipped_s,
+            "damage": [asdict(d) for d in log.damage],
             "channels": {name: asdict(c) for name, c in rows.items()},
         }
         out.print_json(json.dumps(facts))
@@ -63,5 +69,9 @@ def info(
         rate = "-" if c.rate_hz is None else f"{c.rate_hz:.2f}"
         table.add_row(name, str(c.count), rate, str(c.lost), str(c.gaps))
     out.print(table)
-    if skipped:
-        err.print(f"{skipped} damaged bytes passed over")
+    for stretch in log.damage[:SHOWN]:
+        err.print(f"damaged, passed over: {stretch}")
+    if log.damage:
+        err.print(
+            f"{skipped} damaged bytes passed over in {len(log.damage)} places, {skipped_s:.3f} s"
+        )

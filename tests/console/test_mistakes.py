@@ -1,7 +1,7 @@
 """Expected mistakes: one message that names what and where, exit code 2, nothing half-written."""
 
 import pytest
-from klab import environment, klab, klab_ok
+from klab import environment, klab, klab_json, klab_ok
 
 
 @pytest.fixture(scope="module")
@@ -15,6 +15,9 @@ def runs(tmp_path_factory):
     whole = (folder / "good" / "session.lcm").read_bytes()
     (folder / "cut.lcm").write_bytes(whole[: len(whole) * 9 // 10])
     (folder / "text.lcm").write_text("not a log\n" * 100)
+    (folder / "empty.lcm").touch()
+    half = len(whole) // 2
+    (folder / "zeros.lcm").write_bytes(whole[:half] + bytes(300) + whole[half + 300 :])
     (folder / "lab.yaml").write_text("controller:\n  horizont: 40\n")
     (folder / "range.yaml").write_text("controller:\n  horizon: -3\n")
     (folder / "broken.npz").write_bytes((folder / "model.npz").read_bytes()[:200])
@@ -53,6 +56,22 @@ CASES = {
     "no log at all": (
         ("log", "info", "{runs}/text.lcm"),
         ("text.lcm",),
+    ),
+    "replay of no log": (
+        ("replay", "{runs}/text.lcm"),
+        ("text.lcm", "not an LCM event log"),
+    ),
+    "replay of an empty log": (
+        ("replay", "{runs}/empty.lcm"),
+        ("empty.lcm", "empty"),
+    ),
+    "rerun of an empty log": (
+        ("rerun", "{runs}/empty.lcm", "--node", "sampler"),
+        ("empty.lcm", "empty"),
+    ),
+    "rerun of a damaged log": (
+        ("rerun", "{runs}/zeros.lcm", "--node", "sampler"),
+        ("zeros.lcm", "byte", "--salvage"),
     ),
     "unknown channel": (
         ("log", "info", "{runs}/good", "--channel", "R1_MOCAP"),
@@ -129,6 +148,17 @@ def test_doctor_says_how_to_mend_a_bus_that_cannot_be_opened():
 
 def test_a_salvaged_log_trains(runs, tmp_path):
     klab_ok("train", runs / "cut.lcm", "--salvage", "--out", tmp_path / "m.npz")
+
+
+def test_log_info_says_how_many_bytes_and_seconds_were_passed_over(runs):
+    facts = klab_json("log", "info", runs / "zeros.lcm", "--salvage")
+    assert 300 <= facts["skipped_bytes"] < 1500
+    assert 0.0 < facts["skipped_s"] < 0.1
+    (damage,) = facts["damage"]
+    assert damage["size"] == facts["skipped_bytes"]
+    done = klab("log", "info", runs / "zeros.lcm", "--salvage")
+    assert f"damaged, passed over: {damage['size']} bytes at byte {damage['offset']}" in done.stderr
+    assert f"in 1 places, {facts['skipped_s']:.3f} s" in done.stderr
 
 
 def test_doctor_is_content_here():

@@ -15,6 +15,7 @@ MESSAGES = st.lists(
 )
 SYNC = bytes.fromhex("eda1da01")
 HEADER = 28
+EVENT = HEADER + len("R1_A") + 20
 
 
 def write(path, messages):
@@ -172,6 +173,11 @@ def with_length(event, field, value):
         pytest.param(with_length(4, "data", 2**32 - 1), {4}, id="length beyond the file"),
         pytest.param(with_length(4, "data", 90), {4}, id="length over the next events"),
         pytest.param(with_length(4, "data", 3), {4}, id="length too small"),
+        pytest.param(with_length(4, "data", 20 + EVENT), {4}, id="length over just one event"),
+        pytest.param(with_length(4, "data", 20 + 3 * EVENT), {4}, id="length over just three"),
+        pytest.param(with_length(0, "data", 20 + 9 * EVENT), {0}, id="length over all the others"),
+        pytest.param(with_length(8, "data", 20 + EVENT), {8}, id="length over just the last"),
+        pytest.param(with_length(4, "data", 2**31), {4}, id="length of 2 GB"),
         pytest.param(with_length(4, "name", 0), {4}, id="no name"),
         pytest.param(with_length(4, "name", 2**31), {4}, id="endless name"),
         pytest.param(
