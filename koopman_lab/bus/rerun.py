@@ -12,20 +12,17 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
-from koopman_lab.bus.channels import ABOARD, CHANNELS, HEARTBEATS, Channel, Owner
-from koopman_lab.bus.clock import PPM
+from koopman_lab.bus.channels import CHANNELS, Channel, Owner
+from koopman_lab.bus.life import DRIVERS, Life
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node, Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.eventlog import Event
-from koopman_lab.errors import LogError
 from koopman_lab.units import US_PER_S
 
 PLACES: tuple[Owner, ...] = ("plant", "onboard", "logger", "commander", "operator")
 """Who acts when, at equal times."""
 LOGGER = PLACES.index("logger")
-LATEST_START_S = 5.0
-"""A log that begins later after the node's start does not hold what the node went through."""
 
 
 class Output(NamedTuple):
@@ -34,26 +31,6 @@ class Output(NamedTuple):
     at_us: int
     name: str
     data: bytes
-
-
-class Life(NamedTuple):
-    """What a log says of the process that a node ran in.
-
-    Attributes
-    ----------
-    start_us
-        When its timers started (us).
-    process
-        Its number, 0 in lockstep.
-    """
-
-    start_us: int
-    process: int
-
-    @property
-    def virtual(self) -> bool:
-        """Return whether it was in lockstep."""
-        return self.process == 0
 
 
 class Rerun(NamedTuple):
@@ -74,52 +51,15 @@ class Rerun(NamedTuple):
 
 def place_of(publisher: Owner) -> int:
     """Return the place of a publisher among all."""
-    drives = publisher in ("sampler", "controller")
-    return PLACES.index("commander" if drives else publisher)
+    return PLACES.index("commander" if publisher in DRIVERS else publisher)
 
 
 def outputs_of(node_name: str) -> list[Channel[Any]]:
     """Return the channels that a node speaks on."""
     mine: set[str] = {node_name}
-    if node_name in ("sampler", "controller"):
+    if node_name in DRIVERS:
         mine.add("commander")
     return [channel for channel in CHANNELS if channel.publisher in mine]
-
-
-def life_of(node_name: str, config: LabConfig, events: Sequence[Event]) -> Life:
-    """Return when and in which process a node ran, by its first heartbeat.
-
-    Raises
-    ------
-    LogError
-        If the log holds no heartbeat of the node.
-    """
-    channel = HEARTBEATS[node_name]
-    name = channel.name(config.robot.name)
-    data = next((event.data for event in events if event.channel == name), None)
-    if data is None:
-        raise LogError(
-            f"{name}: not in the log, so this {node_name} did not run in it; "
-            "`klab log info` shows who did"
-        )
-    try:
-        beat = channel.type.decode(data)
-    except ValueError:
-        raise LogError(
-            f"{name}: recorded with other message types; run again with the version of "
-            "koopman-lab that recorded the log, or record it anew"
-        ) from None
-    if beat.pid == 0:
-        return Life(0, 0)
-    age_us = beat.sequence / config.bus.heartbeat_rate_hz * US_PER_S
-    start_us = beat.utime - round(age_us)
-    if node_name == ABOARD:
-        start_us -= round(config.clock.offset_s * US_PER_S + age_us * config.clock.drift_ppm * PPM)
-    late_us = events[0].timestamp_us - start_us
-    if late_us > LATEST_START_S * US_PER_S:
-        # Ticks keep their places; what happened before the log nobody knows.
-        start_us += late_us // US_PER_S * US_PER_S
-    return Life(start_us, beat.pid)
 
 
 class _Nobody:
@@ -168,7 +108,7 @@ def rerun(
     events
         Of a log, in the order they were written; at least one.
     life
-        From :func:`life_of`.
+        From :func:`~koopman_lab.bus.life.life_of`.
     on_progress
         Told the time in s once every virtual second.
     """

@@ -72,7 +72,7 @@ def rerun(
     Example: klab rerun runs/calibration --node sampler
     """
     from koopman_lab.bus.compare import compare
-    from koopman_lab.bus.rerun import life_of
+    from koopman_lab.bus.life import life_of
     from koopman_lab.bus.rerun import rerun as run_again
     from koopman_lab.data.decode import SessionLog
     from koopman_lab.data.eventlog import read_events

@@ -139,3 +139,15 @@ def test_every_default_says_where_it_comes_from():
             explained_indent = indent if "#" in line else None
             section = line.rstrip().endswith(":")
             assert "#" in line or section, f"{file}: no source for: {line.strip()}"
+
+
+def test_a_record_of_an_older_version_takes_defaults_for_what_it_does_not_say():
+    config = load_config(robot="dynamic", overrides=["controller.horizon=17"])
+    said = yaml.safe_load(dump_config(config))
+    del said["radio"], said["controller"]["use_compiler"], said["robot"]["track_width_m"]
+    assert parse_config(yaml.safe_dump(said), "record") == config
+
+
+def test_a_record_that_does_not_say_the_robots_kind_is_none():
+    with pytest.raises(ConfigError, match="record"):
+        parse_config("seed: 1", "record")
