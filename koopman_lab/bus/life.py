@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from koopman_lab.bus.channels import ABOARD, CHANNELS, HEARTBEATS
 from koopman_lab.bus.clock import PPM
 from koopman_lab.bus.replay import rhythm
+from koopman_lab.bus.sequence import SequenceCounter
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.eventlog import Event
 from koopman_lab.errors import LogError
@@ -63,11 +64,14 @@ def life_of(node_name: str, config: LabConfig, events: Sequence[Event]) -> Life:
                 f"{name}: the log holds a {other} as well, on the same channels; "
                 "record one session to a log"
             )
-    processes = {beat.pid for _, beat in beats}
-    if len(processes) > 1:
+    processes, counter = {beat.pid for _, beat in beats}, SequenceCounter()
+    for _, beat in beats:
+        counter.update(beat.sequence)
+    starts = max(len(processes), 1 + counter.restarts)
+    if starts > 1:
         raise LogError(
-            f"{name}: {node_name} was started {len(processes)} times in this log; "
-            "record one session to a log"
+            f"{name}: {node_name} was started {starts} times in this log, as in a session that was "
+            "resumed; only a log of one start can be run again"
         )
     arrived_us, first = beats[0]
     age_us = round(first.sequence / config.bus.heartbeat_rate_hz * US_PER_S)

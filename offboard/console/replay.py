@@ -72,14 +72,13 @@ def replay(
 
 
 def _events(log: Path) -> list[Event]:
-    from koopman_lab.data.decode import LOG_NAME
-    from koopman_lab.data.eventlog import Damage, read_events
+    from koopman_lab.data.eventlog import Damage
+    from koopman_lab.data.whole import read_whole
 
     damage: list[Damage] = []
-    path = log / LOG_NAME if log.is_dir() else log
-    events = list(read_events(path, salvage=True, damage=damage))
+    events = read_whole(log, salvage=True, damage=damage)
     for stretch in damage:
-        err.print(f"{path}: damaged, passed over: {stretch}")
+        err.print(f"{log}: damaged, passed over: {stretch}")
     return events
 
 

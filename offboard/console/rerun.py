@@ -75,7 +75,7 @@ def rerun(
     from koopman_lab.bus.life import life_of
     from koopman_lab.bus.rerun import rerun as run_again
     from koopman_lab.data.decode import SessionLog
-    from koopman_lab.data.eventlog import read_events
+    from koopman_lab.data.whole import read_whole
 
     session = SessionLog(log, robot_name=robot_name, salvage=salvage)
     lab = session.config() if config is None else options.resolve(config, None, None)
@@ -84,7 +84,7 @@ def rerun(
             f"{config or session.path}: configures {lab.robot.name}, but the log is of "
             f"{session.robot_name}"
         )
-    events = list(read_events(session.path, salvage=salvage))
+    events = read_whole(session.path, salvage=salvage)
     life = life_of(node.value, lab, events)
     lasts_s = round(session.duration_s)
     built = _build(node, lab, session, model)

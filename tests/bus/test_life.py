@@ -60,6 +60,7 @@ def moved(events, at_us):
         (beats("logger"), "R1_SAMPLER_HEARTBEAT: not in the log"),
         (beats() + beats("controller"), "holds a controller as well"),
         (beats() + beats(pid=5, start_us=START_US + 3 * US_PER_S), "started 2 times"),
+        (beats() + beats(start_us=START_US + 3 * US_PER_S), "started 2 times"),
         (moved(beats(pid=0, start_us=0), START_US), "recorded from a replay"),
         (beats() + beats(start_us=START_US + 3600 * US_PER_S), "times of arrival jump 1 times"),
         ([*beats(), Event(9, START_US + 3 * US_PER_S, ENCODER.name("R1"), bytes(40))], "types"),

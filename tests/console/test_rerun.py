@@ -7,7 +7,8 @@ import pytest
 from klab import SMALL_AREA, klab, klab_ok
 
 from koopman_lab.bus.channels import SAMPLER_STATE
-from koopman_lab.data.eventlog import EventLogWriter, read_events
+from koopman_lab.data.eventlog import read_events
+from koopman_lab.data.logwriter import EventLogWriter
 
 REFERENCE = Path(__file__).parents[1] / "data" / "reference"
 MODEL = REFERENCE / "model.npz"
