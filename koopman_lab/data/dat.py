@@ -94,8 +94,11 @@ def read_folder(
     if not is_folder(folder):
         raise DataError(f"{folder}: holds no X_i.dat; give a folder of X_i.dat and Y_i.dat")
     header = _header(folder)
-    kind: RobotKind | None = robot_kind or header.get("robot_kind")
-    dt_s = header.get("dt_s") if dt_s is None else dt_s
+    for said, flag, given in (("robot_kind", "--robot", robot_kind), ("dt_s", "--dt", dt_s)):
+        if given is not None and header.get(said, given) != given:
+            raise DataError(f"{folder}: is of {flag} {header[said]}, not {given}; leave out {flag}")
+    kind: RobotKind | None = header.get("robot_kind", robot_kind)
+    dt_s = header.get("dt_s", dt_s)
     if kind is None or dt_s is None:
         raise DataError(
             f"{folder}: does not say its robot and sampling time; say --robot kinematic or "

@@ -23,6 +23,7 @@ from koopman_lab.robot.models import nominal_model
 
 FORMAT = 1
 """Version of the file; raised when its meaning changes."""
+_REMEDY = "`klab dataset make SESSION` makes one"
 _TABLES = ("X", "Y", "segments", "start_us", "basis_inputs")
 
 
@@ -135,11 +136,9 @@ class DataSet:
                 }
                 content |= {name: header[name] for name in ("dt_s", "robot_kind", "metadata")}
         except FileNotFoundError:
-            raise DataError(f"{path}: no such data set; make it from its session") from None
+            raise DataError(f"{path}: no such data set; {_REMEDY}") from None
         except _DAMAGED:
-            raise DataError(
-                f"{path}: damaged, or not a data set; make it again from its session"
-            ) from None
+            raise DataError(f"{path}: damaged, or not a data set; {_REMEDY}") from None
         return cls(**content)
 
     @classmethod

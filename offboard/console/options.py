@@ -68,6 +68,19 @@ Out = Annotated[
 InLockstep = Annotated[
     bool, typer.Option("--lockstep", help="All in one process on virtual time, as fast as it goes.")
 ]
+Window = Annotated[
+    int | None,
+    typer.Option("--window", min=1, help="Smoothing window of velocities, frames."),
+]
+SamplingTime = Annotated[
+    float | None, typer.Option("--dt", metavar="S", help="Sampling time of the model, s.")
+]
+Dictionary = Annotated[
+    str | None, typer.Option("--dictionary", metavar="D", help="D5t, D8Eul, D10m, D13t, D12f.")
+]
+Salvage = Annotated[
+    bool, typer.Option("--salvage", help="Use every intact event of a damaged log.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 
 
