@@ -21,7 +21,7 @@ from koopman_lab.config.load import load_config
 from koopman_lab.config.schema import RobotKind
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import DataError
-from koopman_lab.files import replacing, write_json
+from koopman_lab.files import replacing, replacing_folder, write_json
 from koopman_lab.geometry import TAU, wrap_angle
 from koopman_lab.robot.models import nominal_model
 
@@ -41,28 +41,30 @@ def write_folder(dataset: DataSet, folder: Path) -> None:
     """Write X_i.dat and Y_i.dat, a row for each pair, and what else the data set knows.
 
     Beside them ``pairs_i.dat`` with the run and the time (us) of each pair, and ``dataset.json``.
+    The folder appears whole or not at all.
 
     Raises
     ------
     DataError
-        If the folder holds such files already.
+        If there is something in the folder.
     OSError
         If it cannot be written.
     """
-    if is_folder(folder):
-        raise DataError(f"{folder}: holds a data set already; choose another folder")
-    for index in sorted(dataset.basis_inputs):
-        _write(folder / f"X_{index}.dat", dataset.X[index], EXACT)
-        _write(folder / f"Y_{index}.dat", dataset.Y[index], EXACT)
-        origin = np.column_stack([dataset.segments[index], dataset.start_us[index]])
-        _write(folder / f"pairs_{index}.dat", origin, WHOLE)
+    if folder.is_dir() and any(folder.iterdir()):
+        raise DataError(f"{folder}: is not empty; choose another folder with --out")
     header = {
         "robot_kind": dataset.robot_kind,
         "dt_s": dataset.dt_s,
         "basis_inputs": {str(i): u.tolist() for i, u in sorted(dataset.basis_inputs.items())},
         "metadata": dict(dataset.metadata),
     }
-    write_json(folder / HEADER, header)
+    with replacing_folder(folder) as place:
+        for index in sorted(dataset.basis_inputs):
+            origin = np.column_stack([dataset.segments[index], dataset.start_us[index]])
+            _write(place / f"X_{index}.dat", dataset.X[index], EXACT)
+            _write(place / f"Y_{index}.dat", dataset.Y[index], EXACT)
+            _write(place / f"pairs_{index}.dat", origin, WHOLE)
+        write_json(place / HEADER, header)
 
 
 def read_folder(
@@ -95,7 +97,7 @@ def read_folder(
         raise DataError(f"{folder}: holds no X_i.dat; give a folder of X_i.dat and Y_i.dat")
     header = _header(folder)
     for said, flag, given in (("robot_kind", "--robot", robot_kind), ("dt_s", "--dt", dt_s)):
-        if given is not None and header.get(said, given) != given:
+        if given is not None and said in header and header[said] != given:
             raise DataError(f"{folder}: is of {flag} {header[said]}, not {given}; leave out {flag}")
     kind: RobotKind | None = header.get("robot_kind", robot_kind)
     dt_s = header.get("dt_s", dt_s)

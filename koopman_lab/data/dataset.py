@@ -152,7 +152,7 @@ class DataSet:
         window: int | None = None,
         salvage: bool = False,
     ) -> DataSet:
-        """Make the data set of a session (paper, section 5.3).
+        """Make the data set of a session (paper, section 5.2).
 
         Parameters
         ----------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from koopman_lab.bus.channels import MOCAP_POSE, SAMPLER_STATE
 from koopman_lab.config.schema import LabConfig, Processing
@@ -18,6 +19,8 @@ class Recording:
 
     Attributes
     ----------
+    path
+        The log.
     config
         Of the lab that recorded it.
     robot_name
@@ -28,6 +31,7 @@ class Recording:
         In order of time.
     """
 
+    path: Path
     config: LabConfig
     robot_name: str
     settings: Processing
@@ -79,7 +83,7 @@ def recording(
         discard_start_s=settings.discard_start_s,
         discard_end_s=settings.discard_end_s,
     )
-    return Recording(config, log.robot_name, settings, runs, segments)
+    return Recording(log.path, config, log.robot_name, settings, runs, segments)
 
 
 def _settings(processing: Processing, dt_s: float | None, window: int | None) -> Processing:

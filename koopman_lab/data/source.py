@@ -91,7 +91,8 @@ def _check(
     asked = {"--robot": robot_kind, "--dt": dt_s, "--window": window}
     for flag, value in asked.items():
         if value is not None and value != made[flag]:
+            known = "unknown" if made[flag] is None else made[flag]
             raise DataError(
-                f"{path}: this data set was made with {flag} {made[flag]}, not {value}; leave out "
-                f"{flag}, or give the session it was made from"
+                f"{path}: its data are of {flag} {known}, not {value}; leave out {flag} (only a "
+                "session can be processed in another way)"
             )

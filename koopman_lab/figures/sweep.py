@@ -9,7 +9,7 @@ import numpy as np
 
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
-from koopman_lab.koopman.sweep import Entry, SweepRow, as_table
+from koopman_lab.koopman.sweep import STEPS, Entry, SweepRow, as_table
 
 
 def draw_sweep(stem: Path, rows: Sequence[SweepRow], entries: Sequence[Entry]) -> None:
@@ -30,9 +30,9 @@ def draw_sweep(stem: Path, rows: Sequence[SweepRow], entries: Sequence[Entry]) -
     left, middle, right = figure.subplots(1, 3)
     for entry in entries:
         off = [abs((row.entries or {})[entry.name] / entry.nominal - 1.0) for row in fitted]
-        left.plot(windows, np.maximum(off, np.finfo(float).tiny), "o-", label=entry.name)
+        left.plot(windows, np.maximum(off, np.finfo(float).eps), "o-", label=entry.name)
     left.set(title="entries of the matrices", ylabel="deviation, share of nominal")
-    for name, label in (("one_step", "one step"), ("multi_step", "multiple steps")):
+    for name, label in (("one_step", "1 step"), ("multi_step", f"{STEPS} steps")):
         found = [getattr(row, name) for row in fitted]
         with_errors = [(w, e) for w, e in zip(windows, found, strict=True) if e is not None]
         at = [w for w, _ in with_errors]

@@ -111,18 +111,23 @@ def errors(model: BilinearModel, dataset: DataSet, steps: int) -> Errors | None:
 
 def _matched(dataset: DataSet, index: int, steps: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return pairs (k,) and those (k,) that begin ``steps - 1`` sampling times later."""
-    times, runs = dataset.start_us[index], dataset.segments[index]
-    if steps == 1 or not len(times):
-        starts = np.arange(len(times))[:: max(1, len(times) // MOST_STARTS)]
-        return starts, starts
-    dt_us = dataset.dt_s * US_PER_S
-    wanted = times + round((steps - 1) * dt_us)
-    # The pairs are in order of time, and so are the runs.
-    after = np.minimum(np.searchsorted(times, wanted), len(times) - 1)
-    before = np.maximum(after - 1, 0)
-    nearer = np.abs(times[before] - wanted) < np.abs(times[after] - wanted)
-    ends = np.where(nearer, before, after)
-    same = (runs[ends] == runs) & (np.abs(times[ends] - wanted) <= LARGEST_TIME_ERROR * dt_us)
-    starts = np.flatnonzero(same)
-    starts = starts[:: max(1, len(starts) // MOST_STARTS)]
+    times = dataset.start_us[index]
+    starts = np.arange(len(times))
+    ends = starts
+    if steps > 1 and len(times):
+        dt_us = dataset.dt_s * US_PER_S
+        ahead_us = round((steps - 1) * dt_us)
+        # One number line for all runs, so far apart that none reaches into the next.
+        apart_us = 2 * (int(np.ptp(times)) + ahead_us + 1)
+        _, runs = np.unique(dataset.segments[index], return_inverse=True)
+        keys = runs * apart_us + (times - times.min())
+        order = np.argsort(keys, kind="stable")
+        wanted = keys + ahead_us
+        after = np.searchsorted(keys, wanted, sorter=order)
+        later = order[np.minimum(after, len(order) - 1)]
+        earlier = order[np.maximum(after - 1, 0)]
+        nearer = np.abs(keys[earlier] - wanted) < np.abs(keys[later] - wanted)
+        ends = np.where(nearer, earlier, later)
+        starts = np.flatnonzero(np.abs(keys[ends] - wanted) <= LARGEST_TIME_ERROR * dt_us)
+    starts = starts[:: 1 + len(starts) // MOST_STARTS]
     return starts, ends[starts]

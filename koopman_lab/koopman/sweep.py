@@ -1,4 +1,4 @@
-"""How the smoothing window moves the fit (paper, section 5.3 and its figure of samples).
+"""How the smoothing window moves the fit (paper, section 5.2 and its figure of samples).
 
 The window decides the entries that integrate: an angle grows by omega dt, and what noise in omega
 takes from that entry compounds over the horizon.
@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.errors import DataError
@@ -55,17 +56,17 @@ class SweepRow:
     multi_step: Errors | None = None
 
 
-def known_entries(dataset: DataSet, observables: Sequence[str]) -> list[Entry]:
+def known_entries(config: LabConfig, observables: Sequence[str]) -> list[Entry]:
     """Return the entries to look at that a dictionary with these observables has."""
-    dt_s, inputs = dataset.dt_s, dataset.basis_inputs
+    dt_s, inputs = config.processing.dt_s, config.sampler.indexed_inputs
     entries = [
         Entry(0, "v", "v", 1.0),
         Entry(0, "omega", "omega", 1.0),
         Entry(0, "theta", "omega", dt_s),
-        Entry(1, "v", "1", float(inputs[1][0]) * dt_s),
-        Entry(2, "omega", "1", float(inputs[2][1]) * dt_s),
+        Entry(1, "v", "1", inputs[1][0] * dt_s),
+        Entry(2, "omega", "1", inputs[2][1] * dt_s),
     ]
-    return [e for e in entries if e.row in observables and e.column in observables]
+    return [e for e in entries if e.row in observables and e.column in observables and e.nominal]
 
 
 def sweep(log: SessionLog, windows: Sequence[int], dictionary: str) -> Iterator[SweepRow]:
@@ -92,7 +93,7 @@ def sweep(log: SessionLog, windows: Sequence[int], dictionary: str) -> Iterator[
     if config.robot.kind == "kinematic":
         raise DataError(
             f"{log.path}: the kinematic robot has no velocities among its states, so no window "
-            "changes its fit; give a session of the dynamic robot"
+            "changes its fit; give a session of `klab calibrate --robot dynamic`"
         )
     whole = DataSet.from_log(log, config)
     runs = held_out_runs(whole)
@@ -109,7 +110,7 @@ def sweep(log: SessionLog, windows: Sequence[int], dictionary: str) -> Iterator[
             window,
             pairs,
             None,
-            _values(model, dataset),
+            _values(model, known_entries(config, model.dictionary.names)),
             max(b.constant_residual for b in report.bases),
             max(b.excitation.condition for b in report.bases if b.excitation),
             errors(model, held, 1),
@@ -117,32 +118,32 @@ def sweep(log: SessionLog, windows: Sequence[int], dictionary: str) -> Iterator[
         )
 
 
-def _values(model: BilinearModel, dataset: DataSet) -> dict[str, float]:
+def _values(model: BilinearModel, entries: Sequence[Entry]) -> dict[str, float]:
     names = model.dictionary.names
     return {
         e.name: float(model.matrices[e.basis_index][names.index(e.row), names.index(e.column)])
-        for e in known_entries(dataset, names)
+        for e in entries
     }
 
 
 def as_table(rows: Sequence[SweepRow]) -> tuple[list[str], list[list[Any]]]:
     """Return column names and one line a window, None where there is no number."""
-    example = next((row.entries for row in rows if row.entries), {})
-    kinds = ("one_step", "multi_step")
-    measures = [name for name in Errors.__dataclass_fields__ if name != "starts"]
-    columns = ["window", "pairs", *example, "constant_residual", "condition"]
-    columns += [f"{kind}_{name}" for kind in kinds for name in measures]
+    entries = next((list(row.entries) for row in rows if row.entries), [])
+    measures = [name for name in Errors.__dataclass_fields__ if name not in ("steps", "starts")]
+    columns = ["window", "pairs", *entries, "constant_residual", "condition"]
+    columns += [f"{name}_1_step" for name in measures]
+    columns += [f"{name}_{STEPS}_steps" for name in measures]
     lines = [
         [
             row.window,
             row.pairs,
-            *((row.entries or {}).get(name) for name in example),
+            *((row.entries or {}).get(name) for name in entries),
             row.constant_residual,
             row.condition,
-            *(getattr(getattr(row, kind), name, None) for kind in kinds for name in measures),
+            *(getattr(row.one_step, name, None) for name in measures),
+            *(getattr(row.multi_step, name, None) for name in measures),
+            row.refused,
         ]
         for row in rows
     ]
-    return [*columns, "refused"], [
-        [*line, row.refused] for line, row in zip(lines, rows, strict=True)
-    ]
+    return [*columns, "refused"], lines

@@ -18,16 +18,18 @@ from offboard.console.terminal import err, out, show_damage
 
 if TYPE_CHECKING:
     from koopman_lab.data.dataset import DataSet
+    from koopman_lab.data.source import Source
 
 app = typer.Typer(help="Make, look into, exchange data sets.", no_args_is_help=True)
 app.command()(sweep)
 
-Source = Annotated[
+FromAnything = Annotated[
     Path,
     typer.Argument(
         metavar="SOURCE", help="A session, a data set .npz, or a folder of X_i.dat and Y_i.dat."
     ),
 ]
+UNITS = {"x1": "m", "x2": "m", "theta": "rad", "v": "m/s", "omega": "rad/s"}
 
 
 class Format(str, Enum):
@@ -56,19 +58,18 @@ def make(
     """
     from koopman_lab.data.source import open_source
 
-    source = open_source(session, dt_s=dt_s, window=window, salvage=salvage)
-    path = file if file is not None else source.folder / "data.npz"
-    _save(source.dataset, source.file, path)
-    show_damage(source.file, source.damage)
-    err.print(f"{sum(map(len, source.dataset.X.values()))} pairs: {path}")
+    opened = open_source(session, dt_s=dt_s, window=window, salvage=salvage)
+    _save(_with_origin(opened), file if file is not None else opened.folder / "data.npz")
+    show_damage(opened.file, opened.damage)
 
 
 @app.command()
 def info(
-    source: Source,
+    source: FromAnything,
     dictionary: options.Dictionary = None,
-    robot: options.Robot = None,
+    window: options.Window = None,
     dt_s: options.SamplingTime = None,
+    robot: options.Robot = None,
     salvage: options.Salvage = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -79,7 +80,9 @@ def info(
     from koopman_lab.data.source import open_source
     from koopman_lab.koopman.describe import describe
 
-    opened = open_source(source, robot_kind=options.kind_of(robot), dt_s=dt_s, salvage=salvage)
+    opened = open_source(
+        source, robot_kind=options.kind_of(robot), dt_s=dt_s, window=window, salvage=salvage
+    )
     facts = {"file": str(opened.file)}
     facts |= describe(opened.dataset, dictionary or opened.dictionary)
     if as_json:
@@ -91,7 +94,7 @@ def info(
 
 @app.command()
 def export(
-    source: Source,
+    source: FromAnything,
     place: Annotated[
         Path, typer.Option("--out", metavar="PLACE", help="Folder of dat files, or npz file.")
     ],
@@ -114,12 +117,12 @@ def export(
         source, robot_kind=options.kind_of(robot), dt_s=dt_s, window=window, salvage=salvage
     )
     if layout is Format.npz:
-        _save(opened.dataset, opened.file, place)
+        _save(_with_origin(opened), place)
     else:
         with _writing(place):
             write_folder(opened.dataset, place)
+        _tell(opened.dataset, place)
     show_damage(opened.file, opened.damage)
-    err.print(f"{sum(map(len, opened.dataset.X.values()))} pairs: {place}")
 
 
 @app.command("import")
@@ -151,24 +154,35 @@ def import_(
         lab = options.resolve(config, overrides, kind)
         kind, inputs = lab.robot.kind, lab.sampler.indexed_inputs
     dataset = read_folder(folder, kind, dt_s, inputs)
-    path = file if file is not None else folder.resolve().with_suffix(".npz")
-    with _writing(path):
-        dataset.save(path)
-    err.print(f"{sum(map(len, dataset.X.values()))} pairs: {path}")
+    beside = folder.resolve()
+    _save(dataset, file if file is not None else beside.with_name(f"{beside.name}.npz"))
 
 
-def _save(dataset: DataSet, source: Path, path: Path) -> None:
-    """Write a data set that says which file it was made of."""
+def _with_origin(opened: Source) -> DataSet:
+    """Return the data set with the file that it was made of."""
     import dataclasses
 
     from koopman_lab.files import sha256
 
-    if source.is_file() and "source" not in dataset.metadata:
-        origin = {"file": str(source), "sha256": sha256(source)}
-        metadata = dict(dataset.metadata) | {"source": origin}
-        dataset = dataclasses.replace(dataset, metadata=metadata)
+    dataset = opened.dataset
+    if not opened.file.is_file() or "source" in dataset.metadata:
+        return dataset
+    origin = {"file": str(opened.file), "sha256": sha256(opened.file)}
+    return dataclasses.replace(dataset, metadata=dict(dataset.metadata) | {"source": origin})
+
+
+def _save(dataset: DataSet, path: Path) -> None:
+    from koopman_lab.data.source import ENDING
+
+    if path.suffix != ENDING:
+        raise DataError(f"{path}: data set files end in {ENDING}; say so with --out")
     with _writing(path):
         dataset.save(path)
+    _tell(dataset, path)
+
+
+def _tell(dataset: DataSet, path: Path) -> None:
+    err.print(f"{sum(map(len, dataset.X.values()))} pairs: {path}")
 
 
 @contextlib.contextmanager
@@ -191,24 +205,24 @@ def _show(facts: dict[str, Any]) -> None:
     )
     if facts["source"]:
         out.print(f"made of {facts['source']['file']}, SHA-256 {facts['source']['sha256']}")
-    table = Table(title=f"dictionary {facts['dictionary']}")
+    bases = facts["basis_inputs"]
+    excited = Table(title=f"dictionary {facts['dictionary']}")
     for column in ("basis input", "pairs", "segments", "rank", "smallest sv", "condition"):
-        table.add_column(column, justify="right")
-    names = list(next(iter(facts["basis_inputs"].values()))["ranges"])
-    for name in names:
-        table.add_column(name, justify="right")
-    for index, basis in facts["basis_inputs"].items():
+        excited.add_column(column, justify="right")
+    ranges = Table("state", title="smallest and largest value")
+    for index, basis in bases.items():
         e = basis["excitation"]
-        table.add_row(
+        excited.add_row(
             f"u_{index} = ({basis['input'][0]:g}, {basis['input'][1]:g})",
             str(basis["pairs"]),
             str(basis["segments"]),
             f"{e['rank']} of {e['observables']}",
             f"{e['smallest_singular_value']:.3g}",
             "-" if e["condition"] is None else f"{e['condition']:.3g}",
-            *(
-                "-" if span is None else f"{span[0]:.2f} to {span[1]:.2f}"
-                for span in basis["ranges"].values()
-            ),
         )
-    out.print(table)
+        ranges.add_column(f"u_{index}", justify="right")
+    for name in next(iter(bases.values()))["ranges"]:
+        spans = [basis["ranges"][name] for basis in bases.values()]
+        cells = ["-" if span is None else f"{span[0]:.3f} to {span[1]:.3f}" for span in spans]
+        ranges.add_row(f"{name} ({UNITS[name]})", *cells)
+    out.print(excited, ranges)

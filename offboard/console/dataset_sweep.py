@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,6 +16,7 @@ from offboard.console import options
 from offboard.console.terminal import err, out, progress, show_damage
 
 if TYPE_CHECKING:
+    from koopman_lab.koopman.heldout import Errors
     from koopman_lab.koopman.sweep import Entry, SweepRow
 
 
@@ -41,13 +42,12 @@ def sweep(
 
     Example: klab dataset sweep runs/dynamic --windows 1,10,40 --out runs/sweep
     """
-    from koopman_lab.data.dataset import DataSet
     from koopman_lab.data.decode import SessionLog
     from koopman_lab.koopman import dictionary as dictionaries
     from koopman_lab.koopman.sweep import known_entries
     from koopman_lab.koopman.sweep import sweep as fits
 
-    wanted = parse_windows(windows)
+    wanted = options.parse_windows(windows)
     log = SessionLog(session, salvage=salvage)
     config = log.config()
     name = dictionary or config.model.dictionary
@@ -57,7 +57,7 @@ def sweep(
         for row in fits(log, wanted, name):
             rows.append(row)
             report(len(rows), len(wanted), f"window {row.window}")
-    entries = known_entries(DataSet.from_log(log, config), observables)
+    entries = known_entries(config, observables)
     if figure is not None:
         from koopman_lab.figures.sweep import draw_sweep
 
@@ -81,55 +81,41 @@ def sweep(
     show_damage(log.path, log.damage)
 
 
-def parse_windows(text: str) -> list[int]:
-    """Return the windows that a person typed.
-
-    Raises
-    ------
-    DataError
-        If they are no whole numbers above 0.
-    """
-    try:
-        windows = [int(word) for word in text.split(",")]
-    except ValueError:
-        windows = [0]
-    if min(windows) < 1:
-        raise DataError(
-            f"--windows {text}: whole numbers of frames from 1 on, with commas between them, "
-            "for example --windows 1,10,40"
-        )
-    return windows
+MEASURES: dict[str, Callable[[Errors], float]] = {
+    "mean mm": lambda e: 1e3 * e.position_mean_m,
+    "largest mm": lambda e: 1e3 * e.position_max_m,
+    "mean deg": lambda e: math.degrees(e.angle_mean_rad),
+    "largest deg": lambda e: math.degrees(e.angle_max_rad),
+}
 
 
 def _show(name: str, rows: Sequence[SweepRow], entries: Sequence[Entry]) -> None:
+    """Print a column for each window; six of them fit into 80 characters."""
+    from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=f"{name}; errors on held-out runs, mean / max")
-    columns = ["window", "pairs", *(entry.name for entry in entries), "constant", "condition"]
-    multi = next((row.multi_step.steps for row in rows if row.multi_step), 0)
-    columns += ["1 step (mm)", f"{multi} steps (mm)", f"{multi} steps (deg)"]
-    for column in columns:
-        table.add_column(column, justify="right")
-    nominal = [f"{entry.nominal:g}" for entry in entries]
-    table.add_row("nominal", "", *nominal, *[""] * 5)
-    for row in rows:
-        if row.entries is None:
-            table.add_row(str(row.window), str(row.pairs), *["-"] * (len(columns) - 2))
-            err.print(f"window {row.window}: {row.refused}")
-            continue
-        one, many = row.one_step, row.multi_step
-        table.add_row(
-            str(row.window),
-            str(row.pairs),
-            *(f"{row.entries[entry.name]:.6f}" for entry in entries),
-            f"{row.constant_residual:.1e}",
-            f"{row.condition:.3g}",
-            f"{1e3 * one.position_mean_m:.2f} / {1e3 * one.position_max_m:.2f}" if one else "-",
-            f"{1e3 * many.position_mean_m:.1f} / {1e3 * many.position_max_m:.1f}" if many else "-",
-            f"{_deg(many.angle_mean_rad)} / {_deg(many.angle_max_rad)}" if many else "-",
-        )
+    from koopman_lab.koopman.sweep import STEPS
+
+    fitted = [row for row in rows if row.refused is None]
+    out.print(f"{name}, errors on held-out runs")
+    table = Table("window (frames)", box=None, pad_edge=False, collapse_padding=True)
+    table.add_column("nominal", justify="right")
+    for row in fitted:
+        table.add_column(str(row.window), justify="right")
+    table.add_row("pairs", "", *(str(row.pairs) for row in fitted))
+    for entry in entries:
+        cells = [f"{(row.entries or {})[entry.name]:.5f}" for row in fitted]
+        table.add_row(escape(entry.name), f"{entry.nominal:g}", *cells)
+    table.add_row("row of constant", "0", *(f"{row.constant_residual:.0e}" for row in fitted))
+    table.add_row("condition", "", *(f"{row.condition:.2f}" for row in fitted))
+    for steps, found in (
+        ("1 step", [row.one_step for row in fitted]),
+        (f"{STEPS} steps", [row.multi_step for row in fitted]),
+    ):
+        for measure, of in MEASURES.items():
+            cells = ["-" if e is None else f"{of(e):.2f}" for e in found]
+            table.add_row(f"{steps}, {measure}", "0", *cells)
     out.print(table)
-
-
-def _deg(angle_rad: float) -> str:
-    return f"{math.degrees(angle_rad):.2f}"
+    for row in rows:
+        if row.refused is not None:
+            err.print(f"window {row.window}: {row.refused}")

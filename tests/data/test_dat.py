@@ -185,7 +185,7 @@ def test_damaged_files_are_named(dynamic, tmp_path, content, words):
 def test_damage_to_what_was_written_here_is_named(dynamic, tmp_path):
     folder = tmp_path / "set"
     write_folder(dynamic, folder)
-    with pytest.raises(DataError, match="holds a data set already"):
+    with pytest.raises(DataError, match="set: is not empty"):
         write_folder(dynamic, folder)
     whole = (folder / "pairs_1.dat").read_bytes()
     (folder / "pairs_1.dat").write_bytes(whole[: len(whole) // 2])
@@ -193,3 +193,10 @@ def test_damage_to_what_was_written_here_is_named(dynamic, tmp_path):
     (folder / "pairs_1.dat").write_bytes(whole)
     (folder / "dataset.json").write_text('{"robot_kind": "boat"}')
     refused(folder, r"dataset\.json: damaged; remove it")
+
+
+def test_a_folder_that_cannot_be_finished_does_not_appear(dynamic, tmp_path):
+    unfit = dataclasses.replace(dynamic, metadata={"no JSON": object()})
+    with pytest.raises(TypeError):
+        write_folder(unfit, tmp_path / "set")
+    assert list(tmp_path.iterdir()) == []
