@@ -78,18 +78,19 @@ def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]])
     write_text(path, table.getvalue())
 
 
-def sha256(path: Path) -> str:
-    """Return the SHA-256 of a file's content.
+def sha256(*paths: Path) -> str:
+    """Return the SHA-256 of what files hold, one after the other.
 
     Raises
     ------
     OSError
-        If it cannot be read.
+        If one cannot be read.
     """
     digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while block := file.read(1 << 20):
-            digest.update(block)
+    for path in paths:
+        with path.open("rb") as file:
+            while block := file.read(1 << 20):
+                digest.update(block)
     return digest.hexdigest()
 
 

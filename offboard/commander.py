@@ -6,7 +6,7 @@ from importlib.metadata import version
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.commanders import commander_number
+from koopman_lab.bus.commanders import commander_name, commander_number
 from koopman_lab.bus.node import Port
 from koopman_lab.config.load import dump_config
 from koopman_lab.config.schema import LabConfig
@@ -17,6 +17,15 @@ ONBOARD_TIMEOUT_S = 1.0
 """Ten of its status messages."""
 LOGGER_TIMEOUT_S = 2.0
 """Four of its heartbeats."""
+FAULTS = ("no fault", "battery low", "encoders silent", "left wheel stuck", "right wheel stuck")
+"""By the numbers of ``onboard_status_t``."""
+
+
+def why_stopped(status: lcmtypes.onboard_status_t) -> str | None:
+    """Return what holds the robot until a person releases it, None if nothing does."""
+    if status.state == status.ESTOP:
+        return "emergency stop"
+    return FAULTS[status.fault] if status.state == status.FAULT else None
 
 
 class Freshness:
@@ -41,12 +50,19 @@ class Freshness:
 
     def robot(self, commander: int, now_us: int) -> bool:
         """Return whether the motor loop would take commands of this commander."""
-        status, kind = self.onboard(now_us), lcmtypes.onboard_status_t
-        return (
-            status is not None
-            and status.state not in (kind.ESTOP, kind.FAULT)
-            and status.commander in (0, commander)
-        )
+        return self.obstacle(commander, now_us) is None
+
+    def obstacle(self, commander: int, now_us: int) -> str | None:
+        """Return why the motor loop would take no commands of this commander, None if it would."""
+        status = self.onboard(now_us)
+        if status is None:
+            return "onboard loop silent"
+        why = why_stopped(status)
+        if why is not None:
+            return f"onboard loop stopped: {why}"
+        if status.commander in (0, commander):
+            return None
+        return f"onboard loop held by {commander_name(status.commander)}"
 
     def logger(self, now_us: int) -> bool:
         """Return whether the logger is writing down what happens."""
@@ -82,7 +98,7 @@ class Commands:
 
     def __init__(self, port: Port, config: LabConfig, role: int) -> None:
         self._port = port
-        self.number = commander_number(role, port)
+        self.number = commander_number(role, port.process)
         """Of this commander, in commands and in what the motor loop says of them."""
         TimeServer(port)
         self._accelerates = config.robot.kind == "dynamic"

@@ -50,7 +50,7 @@ class Channel(Generic[M]):
     publisher: Owner
     logged: bool = True
     wired: bool = False
-    """Between the board and its own hardware: never crosses the radio."""
+    """Never crosses the radio: the board's own hardware, or what goes wrong with the radio."""
 
     def name(self, robot_name: str) -> str:
         """Return the channel name on the bus, for example ``R1_MOCAP_POSE``."""
@@ -81,6 +81,7 @@ ACCELERATION_CMD = Channel(
 )
 ESTOP = Channel("ESTOP", lcmtypes.estop_t, "event", "operator")
 PLANT_RESET = Channel("PLANT_RESET", lcmtypes.plant_reset_t, "event", "operator")
+FAULT = Channel("FAULT", lcmtypes.fault_t, "event", "operator", wired=True)
 PLANT_TRUTH = Channel("PLANT_TRUTH", lcmtypes.plant_truth_t, "motor", "plant")
 SAMPLER_STATE = Channel("SAMPLER_STATE", lcmtypes.sampler_state_t, "control", "sampler")
 MPC_STATE = Channel("MPC_STATE", lcmtypes.mpc_state_t, "control", "controller")
@@ -104,6 +105,7 @@ CHANNELS: tuple[Channel[Any], ...] = (
     ACCELERATION_CMD,
     ESTOP,
     PLANT_RESET,
+    FAULT,
     PLANT_TRUTH,
     SAMPLER_STATE,
     MPC_STATE,

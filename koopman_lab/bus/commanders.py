@@ -6,12 +6,7 @@ robot could in rare cases have processes of the same number; roles still differ.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import lcmtypes
-
-if TYPE_CHECKING:
-    from koopman_lab.bus.node import Port
 
 _ROLES = lcmtypes.velocity_command_t
 NAMES = {
@@ -23,9 +18,9 @@ SHARE = 8
 """The number is the role plus so many times the process; in lockstep there is one process, 0."""
 
 
-def commander_number(role: int, port: Port) -> int:
-    """Return the number of a role (a constant of the command messages) in this process."""
-    return role + SHARE * port.process
+def commander_number(role: int, process: int) -> int:
+    """Return the number of a role (a constant of the command messages) in a process."""
+    return role + SHARE * process
 
 
 def commander_name(number: int) -> str:

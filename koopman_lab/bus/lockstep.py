@@ -57,10 +57,17 @@ class Lockstep:
 
     Nodes are added in the order in which they act at equal times: plant, onboard, logger, then
     who commands.
+
+    Parameters
+    ----------
+    config
+        The lab.
+    start_us
+        Virtual time at which it begins.
     """
 
-    def __init__(self, config: LabConfig) -> None:
-        self.now_us = 0
+    def __init__(self, config: LabConfig, start_us: int = 0) -> None:
+        self.now_us = start_us
         self.finished = False
         """Whether a node's work is done."""
         self._config = config

@@ -20,9 +20,9 @@ Tick = Callable[[int], None]
 
 
 class Port(Protocol):
-    """A node's side of the bus; times are int64 microseconds of a clock that never steps.
+    """A node's side of the bus; times are int64 microseconds of a clock that does not step.
 
-    That clock is the node's own: the board's differs from the desk's.
+    That clock is the node's own: the board's differs from the desk's, and a fault can set it.
     """
 
     robot_name: str

@@ -9,12 +9,13 @@ from functools import partial
 from typing import Any
 
 import lcmtypes
-from koopman_lab.bus.channels import ABOARD, CHANNELS, HEARTBEATS, Channel, M
+from koopman_lab.bus.channels import ABOARD, CHANNELS, FAULT, HEARTBEATS, Channel, M
 from koopman_lab.bus.clock import DriftingClock
 from koopman_lab.bus.node import Node, RawHandler, Tick
 from koopman_lab.bus.radio import RadioPair, radio_pair
 from koopman_lab.bus.sequence import SMALLEST_MESSAGE, SequenceCounter, peek, restamp
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.robot.faults import Faults, fault_of
 from koopman_lab.units import US_PER_S
 
 
@@ -86,9 +87,12 @@ class BasePort(ABC):
         self._heartbeat_rate_hz = config.bus.heartbeat_rate_hz
         self._radio: RadioPair | None = None
         self._clock: DriftingClock | None = None
-        if node_name == ABOARD:
-            self._radio, self._clock = radio_pair(config), DriftingClock(config.clock, start_us)
         self._wired = {c.name(self.robot_name) for c in CHANNELS if c.wired}
+        if node_name == ABOARD:
+            self._faults = Faults(config.faults, start_us)
+            self._radio = radio_pair(config)
+            self._clock = DriftingClock(config.clock, start_us)
+            self.subscribe(FAULT, self._on_fault)
 
     @abstractmethod
     def bus_us(self) -> int:
@@ -96,8 +100,15 @@ class BasePort(ABC):
 
     def now_us(self) -> int:
         """Return the present time by the node's own clock (us)."""
-        bus_us = self.bus_us()
-        return bus_us if self._clock is None else self._clock.read(bus_us)
+        return self._own_us(self.bus_us())
+
+    def _own_us(self, bus_us: int) -> int:
+        if self._clock is None:
+            return bus_us
+        faults = self._faults
+        # Asked for every tick and message: a call would cost more than the rest of this.
+        effects = faults.effects if bus_us < faults.change_us else faults.at(bus_us)
+        return self._clock.read(bus_us) + effects.clock_jump_us
 
     @abstractmethod
     def send(self, name: str, data: bytes) -> None:
@@ -127,7 +138,7 @@ class BasePort(ABC):
             return
         now_us = self.bus_us()
         # Numbered before the radio, so that the others see what it loses.
-        for at_us in self._radio.from_robot.arrivals(now_us):
+        for at_us in self._radio.from_robot.arrivals(now_us, self._faults.at(now_us).loss):
             if at_us <= now_us:
                 self.send(name, data)
             else:
@@ -166,8 +177,8 @@ class BasePort(ABC):
         They keep the pace of the bus, also aboard: on a real board motor ticks and encoder
         readings hang on one crystal, and the plant's encoders could not slide along with another.
         """
-        clock = self._clock
-        own_tick = tick if clock is None else lambda bus_us: tick(clock.read(bus_us))
+        own_us = self._own_us
+        own_tick = tick if self._clock is None else lambda bus_us: tick(own_us(bus_us))
         self.timers.append(Timer(rate_hz, own_tick))
 
     def finish(self) -> None:
@@ -186,7 +197,7 @@ class BasePort(ABC):
         if self._radio is None or name in self._wired:
             self._receive(name, data, arrived_us)
             return
-        for at_us in self._radio.to_robot.arrivals(arrived_us):
+        for at_us in self._radio.to_robot.arrivals(arrived_us, self._faults.at(arrived_us).loss):
             if at_us <= arrived_us:
                 self._receive(name, data, at_us)
             else:
@@ -194,19 +205,23 @@ class BasePort(ABC):
 
     def _receive(self, name: str, data: bytes, arrived_us: int) -> None:
         """Hand a message to the handlers of its channel."""
-        clock = self._clock
         if len(data) >= SMALLEST_MESSAGE:
             utime, sequence = peek(data)
-            if clock is not None and name in self._wired:
+            if self._clock is not None and name in self._wired:
                 # The board reads its encoders itself, and so stamps them by its own clock.
-                data = restamp(data, clock.read(utime))
+                data = restamp(data, self._own_us(utime))
             counter = self._counters.get(name)
             if counter is None:
                 counter = self._counters[name] = SequenceCounter()
             counter.update(sequence)
-        own_us = arrived_us if clock is None else clock.read(arrived_us)
+        own_us = self._own_us(arrived_us)
         for handler in self.handlers[name]:
             handler(name, data, own_us)
+
+    def _on_fault(self, message: lcmtypes.fault_t) -> None:
+        fault = fault_of(message)
+        if fault is not None:
+            self._faults.inject(fault, self.bus_us())
 
     def ticks(self) -> tuple[int, int]:
         """Return ``(run, missed)`` over all timers."""

@@ -35,13 +35,13 @@ class Radio:
         self._burst_start_us = 0.0
         self._burst_end_us: float | None = None
 
-    def arrivals(self, now_us: int) -> tuple[int, ...]:
+    def arrivals(self, now_us: int, loss: float = 0.0) -> tuple[int, ...]:
         """Return when each copy of a message sent at ``now_us`` arrives (us); none if it is lost.
 
-        Calls come in order of time.
+        Calls come in order of time. ``loss`` is the share that a fault loses, if that is more.
         """
         link, rng = self._link, self._rng
-        if self._in_burst(now_us) or rng.random() < link.loss:
+        if self._in_burst(now_us) or rng.random() < max(link.loss, loss):
             return ()
         if rng.random() < link.duplication:
             return self._arrival(now_us), self._arrival(now_us)

@@ -6,7 +6,8 @@ says which values are allowed.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -90,6 +91,60 @@ class Clock(Section):
         return self
 
 
+FaultKind = Literal[
+    "occlusion",
+    "encoder_stuck",
+    "motor_stalled",
+    "battery_low",
+    "radio_cut",
+    "burst_loss",
+    "clock_jump",
+]
+FAULT_DETAILS: dict[str, dict[str, Any]] = {
+    "occlusion": {},
+    "encoder_stuck": {"wheel": "both"},
+    "motor_stalled": {"wheel": "both"},
+    "battery_low": {"battery_v": 6.0},
+    "radio_cut": {},
+    "burst_loss": {"loss": 0.5},
+    "clock_jump": {"jump_s": 10.0},
+}
+"""What each kind of fault has besides its duration, and the defaults."""
+
+
+class Fault(Section):
+    """Something that goes wrong on demand; details that the kind does not have are None."""
+
+    kind: FaultKind
+    duration_s: Annotated[float, Field(ge=0)] | None = None
+    wheel: Literal["both", "left", "right"] | None = None
+    battery_v: Annotated[float, Field(gt=0, le=100)] | None = None
+    loss: Share | None = None
+    jump_s: Annotated[float, Field(ge=-1e9, le=1e9)] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_defaults(cls, values: Any) -> Any:
+        if not isinstance(values, Mapping):
+            return values
+        given = {key: value for key, value in values.items() if value is not None}
+        kind = given.get("kind")
+        return (FAULT_DETAILS.get(kind, {}) if isinstance(kind, str) else {}) | given
+
+    @model_validator(mode="after")
+    def _has_only_its_details(self) -> Fault:
+        for detail in ("wheel", "battery_v", "loss", "jump_s"):
+            if getattr(self, detail) is not None and detail not in FAULT_DETAILS[self.kind]:
+                raise ValueError(f"{self.kind} has no {detail}")
+        return self
+
+
+class PlannedFault(Fault):
+    """A fault that comes by itself."""
+
+    at_s: NotNegative
+
+
 class Pid(Section):
     """One wheel's speed controller; the error is in rad/s, the output is a duty in [-1, 1]."""
 
@@ -148,6 +203,7 @@ class Motor(Section):
     coulomb_friction_n_m: tuple[NotNegative, NotNegative]
     breakaway_friction_n_m: tuple[NotNegative, NotNegative]
     gain: Pair
+    command_timeout_s: Positive
 
 
 class Battery(Section):
@@ -295,6 +351,12 @@ class Controller(Section):
     largest_failures_in_a_row: Annotated[int, Field(ge=1)]
 
 
+class Logger(Section):
+    """The logger."""
+
+    largest_file_bytes: Annotated[int, Field(ge=1_000_000)]
+
+
 class LabConfig(Section):
     """One lab."""
 
@@ -303,9 +365,11 @@ class LabConfig(Section):
     bus: Bus
     radio: Radio
     clock: Clock
+    faults: tuple[PlannedFault, ...]
     motor_loop: MotorLoop
     plant: Plant
     mocap: Mocap
+    logger: Logger
     sampler: Sampler
     processing: Processing
     model: Model

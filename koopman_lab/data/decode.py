@@ -15,8 +15,9 @@ from koopman_lab.bus.channels import ABOARD, SESSION_INFO, TIME_SYNC, Channel, M
 from koopman_lab.bus.sequence import LATEST, SMALLEST_MESSAGE, SequenceCounter
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.data.eventlog import Damage, load_log
-from koopman_lab.data.index import index_log
+from koopman_lab.data.eventlog import Damage
+from koopman_lab.data.index import index_files
+from koopman_lab.data.logwriter import parts
 from koopman_lab.data.messages import Messages
 from koopman_lab.data.wire import StructuredArray, decode_all, decode_each
 from koopman_lab.errors import BusError, ConfigError, LogError
@@ -63,7 +64,8 @@ class SessionLog:
     Parameters
     ----------
     path
-        A log, or the session folder that holds ``session.lcm``.
+        A log, or the session folder that holds ``session.lcm``. The first file of a log that goes
+        on in others stands for all of them.
     robot_name
         Whose messages; needed only where the log holds several robots.
     salvage
@@ -92,8 +94,12 @@ class SessionLog:
         self.damage: list[Damage] = []
         self._salvage = salvage
         self._wanted_robot = robot_name
-        log = load_log(self.path)
-        self._messages = index_log(self.path, log, salvage=salvage, damage=self.damage)
+        files = [
+            file
+            for file in parts(self.path) or [self.path]
+            if file == self.path or file.stat().st_size  # otherwise begun and ended by force
+        ]
+        self._messages = index_files(files, salvage=salvage, damage=self.damage)
         self.channels = {
             name: _summary(data, _fingerprint(name)) for name, data in self._messages.items()
         }
@@ -167,24 +173,27 @@ class SessionLog:
         """
         name = SESSION_INFO.name(self.robot_name)
         infos: list[lcmtypes.session_info_t] = self.messages(SESSION_INFO)
-        texts = {info.config_yaml: info for info in infos}
+        texts = list(dict.fromkeys(info.config_yaml for info in infos))
         if not texts:
             raise LogError(
                 f"{self.path}: holds no {name}, so it does not say its configuration; "
                 "give the configuration of the session"
             )
-        if len(texts) > 1:
-            raise LogError(
-                f"{self.path}: {name} says {len(texts)} different configurations; "
-                "record one session to a log, or give the configuration"
-            )
         try:
-            return parse_config(next(iter(texts)), name)
+            configs = [parse_config(text, name) for text in texts]
         except ConfigError as error:
             raise ConfigError(
                 f"{self.path}: its configuration is none of this version; give the configuration "
                 f"of the session\n{error}"
             ) from None
+        # A session that was resumed may have used another bus.
+        first, *others = [config.model_copy(update={"bus": configs[0].bus}) for config in configs]
+        if any(other != first for other in others):
+            raise LogError(
+                f"{self.path}: {name} says {len(texts)} different configurations; "
+                "record one session to a log, or give the configuration"
+            )
+        return first
 
     def clock_error_s(self) -> float | None:
         """Return the largest error (s) that times of the board can have, by what it said itself.

@@ -1,4 +1,4 @@
-"""Standard LCM event logs: written event by event, read in one go, salvaged when damaged.
+"""Standard LCM event logs: read in one go, salvaged when damaged.
 
 An event is a sync word, event number, time of arrival, length of the channel name, length of the
 data (all big-endian), then the name and the data. The files are those of lcm-logger and
@@ -7,20 +7,18 @@ lcm-logplayer.
 
 from __future__ import annotations
 
-import os
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from types import TracebackType
 from typing import NamedTuple
 
 from koopman_lab.bus.channels import LONGEST_NAME
 from koopman_lab.errors import LogError
 
 SYNC_WORD = 0xEDA1DA01
-_HEADER = struct.Struct(">IqqII")
+HEADER = struct.Struct(">IqqII")
 _SYNC_BYTES = SYNC_WORD.to_bytes(4, "big")
 
 
@@ -69,102 +67,6 @@ class Damage:
         if self.after_us is not None and self.before_us is not None:
             return f"{text}, {(self.before_us - self.after_us) / 1e6:.3f} s"
         return f"{text}, at the {'start' if self.after_us is None else 'end'}"
-
-
-class EventLogWriter:
-    """Writes a log that must not exist yet.
-
-    The file grows as events come, so that a session that ends by force keeps what it has.
-
-    Parameters
-    ----------
-    path
-        The file to make; its folder must exist.
-
-    Raises
-    ------
-    LogError
-        If the file exists or cannot be made.
-    """
-
-    def __init__(self, path: Path | str) -> None:
-        self._path = Path(path)
-        self._number = 0
-        try:
-            self._file = self._path.open("xb", buffering=1 << 16)
-        except FileExistsError:
-            raise LogError(f"{path}: exists already; choose another name or folder") from None
-        except OSError as error:
-            raise LogError(f"{path}: cannot be made: {error.strerror}") from None
-
-    def write(self, channel: str, data: bytes, timestamp_us: int) -> int:
-        """Append an event that arrived at ``timestamp_us`` (us); return the bytes it takes.
-
-        Raises
-        ------
-        LogError
-            If the channel name is none LCM can carry, or the disk refuses.
-        """
-        name = channel.encode()
-        if not 1 <= len(name) <= LONGEST_NAME:
-            raise LogError(
-                f"{self._path}: channel name {channel!r} is {len(name)} bytes long; "
-                f"LCM carries 1 to {LONGEST_NAME}"
-            )
-        header = _HEADER.pack(SYNC_WORD, self._number, timestamp_us, len(name), len(data))
-        try:
-            written = self._file.write(header + name + data)
-        except OSError as error:
-            raise self._refused(error) from None
-        self._number += 1
-        return written
-
-    def flush(self) -> None:
-        """Hand everything to the operating system, so that ending this process loses nothing.
-
-        Raises
-        ------
-        LogError
-            If the disk refuses.
-        """
-        try:
-            self._file.flush()
-        except OSError as error:
-            raise self._refused(error) from None
-
-    def close(self) -> None:
-        """Write everything to the disk and close the file; a second call does nothing.
-
-        Raises
-        ------
-        LogError
-            If the disk refuses.
-        """
-        if self._file.closed:
-            return
-        try:
-            with self._file:
-                self._file.flush()
-                os.fsync(self._file.fileno())
-        except OSError as error:
-            raise self._refused(error) from None
-
-    def __enter__(self) -> EventLogWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
-
-    def _refused(self, error: OSError) -> LogError:
-        return LogError(
-            f"{self._path}: cannot be written after {self._number} events: {error.strerror}; "
-            "see whether the disk is full"
-        )
 
 
 def read_events(
@@ -261,14 +163,14 @@ def scan(
 def _frame_at(log: bytes, begin: int) -> Frame | None:
     """Return the frame whose header begins here, or None if there is no believable one."""
     try:
-        sync, number, timestamp_us, name_length, data_length = _HEADER.unpack_from(log, begin)
+        sync, number, timestamp_us, name_length, data_length = HEADER.unpack_from(log, begin)
     except struct.error:
         return None
-    start = begin + _HEADER.size + name_length
+    start = begin + HEADER.size + name_length
     stop = start + data_length
     if sync != SYNC_WORD or name_length > LONGEST_NAME or stop > len(log):
         return None
-    name = channel_name(log[begin + _HEADER.size : start])
+    name = channel_name(log[begin + HEADER.size : start])
     return Frame(number, timestamp_us, name, begin, start, stop) if name else None
 
 

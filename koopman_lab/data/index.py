@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from array import array
 from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.bus.channels import LONGEST_NAME
-from koopman_lab.data.eventlog import SYNC_WORD, Damage, channel_name, scan
+from koopman_lab.data.eventlog import SYNC_WORD, Damage, channel_name, load_log, scan
 from koopman_lab.data.messages import Indices, Messages, take
 
 _HEADER = np.dtype(
@@ -24,6 +25,40 @@ _CHUNK = 1 << 20
 """Bytes searched at a time; what fits into the processor's cache."""
 _MOST_CHANNELS = 256
 """Logs with more are none of a lab; they are read event by event."""
+
+
+def index_files(
+    files: Sequence[Path], *, salvage: bool, damage: list[Damage] | None = None
+) -> dict[str, Messages]:
+    """Return the messages of a log that may go on in several files; see :func:`index_log`.
+
+    Raises
+    ------
+    LogError
+        If a file is no log, or as :func:`index_log`.
+    """
+    logs = [load_log(file) for file in files]
+    found = [
+        index_log(file, log, salvage=salvage, damage=damage)
+        for file, log in zip(files, logs, strict=True)
+    ]
+    if len(found) == 1:
+        return found[0]
+    block, begin = b"".join(logs), 0
+    pieces: dict[str, list[Messages]] = defaultdict(list)
+    for log, messages in zip(logs, found, strict=True):
+        for name, m in messages.items():
+            pieces[name].append(Messages(block, m.starts + begin, m.stops + begin, m.arrival_us))
+        begin += len(log)
+    return {
+        name: Messages(
+            block,
+            np.concatenate([m.starts for m in those]),
+            np.concatenate([m.stops for m in those]),
+            np.concatenate([m.arrival_us for m in those]),
+        )
+        for name, those in sorted(pieces.items())
+    }
 
 
 def index_log(

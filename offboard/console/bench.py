@@ -148,7 +148,7 @@ def realtime(
 
     Example: klab bench realtime --minutes 2
     """
-    from offboard.console.bench_realtime import MORE_THAN_ENOUGH, as_table, measure
+    from offboard.console.bench_realtime import MORE_THAN_ENOUGH, as_table, measure, stolen_s
     from offboard.console.folder import new_folder
     from offboard.console.session import keeping_the_log
 
@@ -156,15 +156,19 @@ def realtime(
     lab = options.resolve(config, wanted, options.kind_of(robot), preset, url=url)
     listener = options.listen(lab)
     run = new_folder(folder, "realtime", lab)
-    seconds = 60.0 * minutes
+    seconds, stolen_before_s = 60.0 * minutes, stolen_s()
     with keeping_the_log(run), progress("driving") as report:
         found = measure(
             lab, run, listener, seconds, lambda s: report(round(s), round(seconds), "s")
         )
+    stolen = None if stolen_before_s is None else (stolen_s() or 0.0) - stolen_before_s
     if as_json:
-        out.print_json(json.dumps({name: row._asdict() for name, row in found.items()}))
-    else:
-        out.print(as_table(found, lab.motor_loop.rate_hz))
+        rows = {name: row._asdict() for name, row in found.items()}
+        out.print_json(json.dumps({"stolen_cpu_s": stolen} | rows))
+        return
+    out.print(as_table(found, lab.motor_loop.rate_hz))
+    if stolen is not None:
+        out.print(f"CPU time that a host took from this machine meanwhile: {stolen:.2f} s")
 
 
 @app.command()
@@ -196,6 +200,34 @@ def motor(
         out.print_json(json.dumps(merit))
     else:
         out.print(as_table(merit, preset.value))
+
+
+@app.command()
+def faults(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    preset: options.Preset = options.PresetName.lab,
+    only: Annotated[
+        str, typer.Option("--only", metavar="WORDS", help="Only faults whose name has these words.")
+    ] = "",
+    as_json: options.AsJson = False,
+) -> None:
+    """Show for every fault what the robot does, how fast it stands, and what the operator reads.
+
+    Example: klab bench faults --robot dynamic
+    """
+    from dataclasses import asdict
+
+    from offboard.console.bench_faults import as_table, suffer_all
+
+    lab = options.resolve(config, overrides, options.kind_of(robot), preset)
+    with progress("faults") as report:
+        rows = suffer_all(lab, only, report)
+    if as_json:
+        out.print_json(json.dumps([asdict(row) for row in rows]))
+    else:
+        out.print(as_table(rows, lab.robot.kind))
 
 
 def _lab(config: LabConfig) -> tuple[Lockstep, Weaver]:

@@ -73,6 +73,7 @@ def _measure(path: Path, repetitions: int) -> dict[str, Any]:
 
     from koopman_lab.data.dataset import DataSet
     from koopman_lab.data.decode import SessionLog
+    from koopman_lab.data.logwriter import parts
 
     rows = []
     with progress("timing") as report:
@@ -87,7 +88,7 @@ def _measure(path: Path, repetitions: int) -> dict[str, Any]:
     found = np.percentile(rows, [50.0, 99.0, 100.0], axis=0).T.tolist()
     facts: dict[str, Any] = {
         "file": str(log.path),
-        "bytes": log.path.stat().st_size,
+        "bytes": sum(file.stat().st_size for file in parts(log.path)),
         "events": sum(channel.count for channel in log.channels.values()),
         "pairs": pairs,
         "repetitions": repetitions,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from koopman_lab.bus.pacing import Pacing, load_tick_times, pacing
@@ -20,6 +22,9 @@ WAIT_S = 1.0
 MORE_THAN_ENOUGH = 10_000
 """Segments per basis input: more than fit into any measurement."""
 START_LIMIT_S = 30.0
+STATISTICS = Path("/proc/stat")
+STEAL = 8
+"""Word of its first line: involuntary wait, in ticks of the clock, over all CPUs."""
 WORDS = {"onboard": "motor loop", "pacer": "only waiting"}
 
 
@@ -91,6 +96,15 @@ def measure(
             report(passed_s)
     rate_hz = config.motor_loop.rate_hz
     return {name: pacing(load_tick_times(file), rate_hz) for name, file in files.items()}
+
+
+def stolen_s() -> float | None:
+    """Return the CPU time (s) that a host has taken from this virtual machine, None if unknown."""
+    try:
+        fields = STATISTICS.read_text().split()
+        return int(fields[STEAL]) / os.sysconf("SC_CLK_TCK")
+    except (OSError, IndexError, ValueError):
+        return None
 
 
 def as_table(found: dict[str, Pacing], rate_hz: float) -> Table:

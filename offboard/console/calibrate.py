@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import LabError, LabStateError
+from koopman_lab.errors import ConfigError, LabError, LabStateError
 from offboard.console import options
 from offboard.console.folder import RunFolder, new_folder
 from offboard.console.terminal import err, progress
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
+    from offboard.sampler.resume import Interrupted
 
 LOCKSTEP_LIMIT_S = 100_000.0
 """Virtual time after which a session that never ends is given up."""
@@ -34,6 +36,14 @@ def calibrate(
     robot_name: options.RobotsName = None,
     url: options.Url = None,
     out: options.Out = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            "--resume",
+            metavar="DIR",
+            help="Go on with the interrupted session in DIR, with its configuration.",
+        ),
+    ] = None,
 ) -> None:
     """Record a calibration session: DIR/session.lcm, DIR/config.yaml, DIR/summary.json.
 
@@ -41,21 +51,46 @@ def calibrate(
 
     Example: klab calibrate --robot kinematic --lockstep --seed 1 --out runs/calibration
     """
+    from offboard.console.watch import ear
+    from offboard.sampler.resume import interrupted
+
+    if resume is not None:
+        if any(x is not None for x in (config, overrides, robot, segments, seed, robot_name, out)):
+            raise ConfigError(
+                f"--resume {resume}: the session goes on with its own configuration; of the other "
+                "options only --lockstep and --url may be given"
+            )
+        folder = RunFolder(resume)
+        before = interrupted(resume)
+        lab = options.resolve(folder.config, None, None, url=url)
+        listener = ear(lab, lockstep=lockstep)
+        if before.skipped_bytes:
+            err.print(f"{before.skipped_bytes} damaged bytes at the end of the log passed over")
+        _finish(folder, record(lab, folder, listener, before))
+        return
     wanted = list(overrides or ())
     if segments is not None:
         wanted.append(f"sampler.segments_per_basis={segments}")
     lab = options.resolve(
         config, wanted, options.kind_of(robot), preset, seed, url, robot_name=robot_name
     )
-    listener = None if lockstep else options.listen(lab)
+    listener = ear(lab, lockstep=lockstep)
     folder = new_folder(out, "calibration", lab)
-    summary = record(lab, folder, listener)
+    _finish(folder, record(lab, folder, listener))
+
+
+def _finish(folder: RunFolder, summary: dict[str, Any]) -> None:
     show(folder, summary)
     if not summary["complete"]:
         raise typer.Exit(1)
 
 
-def record(config: LabConfig, folder: RunFolder, listener: Listener | None) -> dict[str, Any]:
+def record(
+    config: LabConfig,
+    folder: RunFolder,
+    listener: Listener | None,
+    before: Interrupted | None = None,
+) -> dict[str, Any]:
     """Run the session and return its summary; a session that is interrupted keeps its log.
 
     Parameters
@@ -66,6 +101,8 @@ def record(config: LabConfig, folder: RunFolder, listener: Listener | None) -> d
         Takes the files.
     listener
         This process's ear on the bus; None for lockstep.
+    before
+        The session in the folder that is to go on.
 
     Raises
     ------
@@ -74,12 +111,14 @@ def record(config: LabConfig, folder: RunFolder, listener: Listener | None) -> d
     """
     from offboard.console.session import keeping_the_log
 
-    with keeping_the_log(folder):
+    mode = " --lockstep" if listener is None else ""
+    then = f"`klab calibrate --resume {folder.path}{mode}` goes on with the session"
+    with keeping_the_log(folder, then):
         if listener is None:
-            facts = _in_lockstep(config, folder)
+            facts = _in_lockstep(config, folder, before)
         else:
-            facts = _in_real_time(config, folder, listener)
-    facts |= _data(folder, complete=facts["complete"])
+            facts = _in_real_time(config, folder, listener, resume=before is not None)
+    facts |= _data(folder, complete=facts["complete"], salvage=before is not None)
     summary = {"what": "calibrate", "lockstep": listener is None} | facts
     folder.write_summary(config, summary)
     return summary
@@ -95,12 +134,14 @@ def show(folder: RunFolder, summary: dict[str, Any]) -> None:
     )
 
 
-def _in_lockstep(config: LabConfig, folder: RunFolder) -> dict[str, Any]:
+def _in_lockstep(
+    config: LabConfig, folder: RunFolder, before: Interrupted | None
+) -> dict[str, Any]:
     from offboard.console.nodes import lockstep_lab
     from offboard.sampler.node import SamplerNode
 
-    node = SamplerNode(config)
-    lab = lockstep_lab(config, folder, node)
+    node = SamplerNode(config, before.progress if before else None)
+    lab = lockstep_lab(config, folder, node, before.next_us if before else None)
     try:
         with progress("calibrating") as report:
             lab.run(
@@ -115,7 +156,9 @@ def _in_lockstep(config: LabConfig, folder: RunFolder) -> dict[str, Any]:
     return node.summary() | {"missed_deadlines": 0}
 
 
-def _in_real_time(config: LabConfig, folder: RunFolder, listener: Listener) -> dict[str, Any]:
+def _in_real_time(
+    config: LabConfig, folder: RunFolder, listener: Listener, *, resume: bool
+) -> dict[str, Any]:
     import lcmtypes
     from koopman_lab.bus.channels import MOCAP_POSE, ONBOARD_STATUS, SAMPLER_STATE
     from koopman_lab.units import US_PER_S
@@ -144,15 +187,18 @@ def _in_real_time(config: LabConfig, folder: RunFolder, listener: Listener) -> d
                     "loop running?"
                 )
 
-        return in_real_time(config, folder, listener, "sampler", watch=watch)
+        arguments = ["--resume", str(folder.path)] if resume else []
+        return in_real_time(
+            config, folder, listener, "sampler", *arguments, resume=resume, watch=watch
+        )
 
 
-def _data(folder: RunFolder, *, complete: bool) -> dict[str, Any]:
+def _data(folder: RunFolder, *, complete: bool, salvage: bool) -> dict[str, Any]:
     from koopman_lab.bus.channels import split_name
     from koopman_lab.data.dataset import DataSet
     from koopman_lab.data.decode import SessionLog
 
-    log = SessionLog(folder.log)
+    log = SessionLog(folder.log, salvage=salvage)
     try:
         samples = {str(i): len(x) for i, x in DataSet.from_log(log).X.items()}
     except LabError:

@@ -162,12 +162,13 @@ def _with_origin(opened: Source) -> DataSet:
     """Return the data set with the file that it was made of."""
     import dataclasses
 
+    from koopman_lab.data.logwriter import parts
     from koopman_lab.files import sha256
 
     dataset = opened.dataset
     if not opened.file.is_file() or "source" in dataset.metadata:
         return dataset
-    origin = {"file": str(opened.file), "sha256": sha256(opened.file)}
+    origin = {"file": str(opened.file), "sha256": sha256(*parts(opened.file))}
     return dataclasses.replace(dataset, metadata=dict(dataset.metadata) | {"source": origin})
 
 

@@ -44,12 +44,14 @@ def demo(
 
     Example: klab demo --robot dynamic --lockstep --out runs/demo
     """
+    from offboard.console.watch import ear
+
     kind = options.kind_of(robot)
     lab = options.resolve(config, overrides, kind, seed=seed, url=url, robot_name=robot_name)
     count = segments if segments is not None else SEGMENTS[lab.robot.kind]
     wanted = [*(overrides or ()), f"sampler.segments_per_basis={count}"]
     lab = options.resolve(config, wanted, kind, seed=seed, url=url, robot_name=robot_name)
-    listener = None if lockstep else options.listen(lab)
+    listener = ear(lab, lockstep=lockstep)
     top = new_folder(directory, "demo", lab)
     runs = count * len(lab.sampler.basis_inputs)
     if not lockstep:

@@ -12,6 +12,7 @@ from offboard.console.calibrate import calibrate
 from offboard.console.demo import demo
 from offboard.console.doctor import doctor
 from offboard.console.estop import estop
+from offboard.console.fault import fault
 from offboard.console.park import park
 from offboard.console.terminal import err
 from offboard.console.train import train
@@ -27,7 +28,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, up, calibrate, train, park, estop, doctor):
+for command in (demo, up, calibrate, train, park, estop, fault, doctor):
     app.command()(command)
 app.add_typer(run.app, name="run")
 app.add_typer(log.app, name="log")

@@ -59,6 +59,7 @@ def park(
     from koopman_lab.koopman.model import BilinearModel
     from koopman_lab.mpc.prediction import KoopmanPrediction
     from koopman_lab.mpc.receding_horizon import receding_horizon
+    from offboard.console.watch import ear
 
     loaded = BilinearModel.load(model)
     wanted = list(overrides or ())
@@ -71,7 +72,7 @@ def park(
     loaded.require_robot(lab.robot.kind)
     # Made once for what it refuses, before anything is started or written.
     receding_horizon(KoopmanPrediction(loaded), lab)
-    listener = None if lockstep else options.listen(lab)
+    listener = ear(lab, lockstep=lockstep)
     folder = new_folder(out, "park", lab)
     typed = start if start is not None else STARTS[lab.robot.kind]
     poses = options.pose_of(typed), options.pose_of(goal)

@@ -109,6 +109,9 @@ def logger(
     url: options.Url = None,
     out: options.Out = None,
     into: Annotated[Path | None, typer.Option("--folder", hidden=True)] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on behind the log that DIR holds.")
+    ] = False,
     lifeline_fd: Lifeline = None,
 ) -> None:
     """Write every message of a robot into DIR/session.lcm.
@@ -120,8 +123,10 @@ def logger(
     from offboard.console.folder import RunFolder, new_folder
 
     lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
+    if into is None and out is not None and resume:
+        into = out
     folder = RunFolder(into) if into is not None else new_folder(out, "log", lab)
-    run_node(nodes.logger(lab, folder), lab, lifeline_fd=lifeline_fd)
+    run_node(nodes.logger(lab, folder, resume=resume), lab, lifeline_fd=lifeline_fd)
 
 
 @app.command()
@@ -132,6 +137,10 @@ def sampler(
     seed: options.Seed = None,
     robot_name: options.RobotsName = None,
     url: options.Url = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option("--resume", metavar="DIR", help="Go on with the session in this folder."),
+    ] = None,
     result: ResultFile = None,
     lifeline_fd: Lifeline = None,
 ) -> None:
@@ -142,11 +151,12 @@ def sampler(
     from koopman_lab.bus.realtime import run_node
     from koopman_lab.files import write_json
     from offboard.sampler.node import SamplerNode
+    from offboard.sampler.resume import interrupted
 
     lab = options.resolve(
         config, overrides, options.kind_of(robot), seed=seed, url=url, robot_name=robot_name
     )
-    node = SamplerNode(lab)
+    node = SamplerNode(lab, interrupted(resume).progress if resume is not None else None)
     statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
     if result is not None:
         write_json(result, node.summary() | {"missed_deadlines": statistics.missed_ticks})

@@ -130,6 +130,10 @@ class Supervisor:
             last = "\n".join(f"    {line}" for line in lines) or "    (it said nothing)"
             raise LabStateError(f"{name} died ({how}); {file} ends with:\n{last}")
 
+    def process(self, name: str) -> int:
+        """Return the process number of a child."""
+        return self._children[name].pid
+
     def ended(self, name: str) -> bool:
         """Return whether a child has ended."""
         return self._children[name].poll() is not None
@@ -161,8 +165,12 @@ def supervised(config: LabConfig, folder: RunFolder, listener: Listener) -> Iter
             signal.signal(number, handler)
 
 
-def start_missing(supervisor: Supervisor, there: set[str], folder: RunFolder) -> None:
+def start_missing(
+    supervisor: Supervisor, there: set[str], folder: RunFolder, *, resume: bool = False
+) -> None:
     """Start the logger, and plant and onboard loop unless a robot is there; wait until ready.
+
+    With ``resume`` the logger goes on behind the log that is there.
 
     Raises
     ------
@@ -170,7 +178,7 @@ def start_missing(supervisor: Supervisor, there: set[str], folder: RunFolder) ->
         If one does not start.
     """
     names = ["logger"] if "onboard" in there else ["logger", "plant", "onboard"]
-    supervisor.start("logger", "--folder", folder.path)
+    supervisor.start("logger", "--folder", folder.path, *(["--resume"] if resume else []))
     for name in names[1:]:
         supervisor.start(name)
     supervisor.wait_ready(*names)

@@ -50,12 +50,15 @@ class Inputs:
         The newest wheel odometry, None if there is none yet.
     onboard_ready, logger_ready
         Whether the motor loop takes commands, and whether the session is written down.
+    onboard_obstacle
+        Why the motor loop takes no commands, if it does not.
     """
 
     frames: tuple[Frame, ...]
     wheels: WheelSpeeds | None
     onboard_ready: bool
     logger_ready: bool
+    onboard_obstacle: str = "onboard loop silent or stopped"
 
 
 @dataclass(frozen=True)
@@ -185,7 +188,7 @@ class Controller:
     def _obstacle(self, seen: Inputs, now_us: int) -> str | None:
         """Return what forbids driving."""
         if not seen.onboard_ready:
-            return "onboard loop silent or stopped"
+            return seen.onboard_obstacle
         if not seen.logger_ready:
             return "logger silent"
         measured_us, frame = self._estimator.measured_us, self._estimator.frame
@@ -240,8 +243,8 @@ class Controller:
         after_end = wheels is not None and wheels.utime > self._ended_us
         stopped = wheels is not None and after_end and _at_rest(*wheels.velocity)
         # Without odometry nothing more can be done for a robot that rolls: it is braked by the
-        # motor loop's watchdog as soon as commands stop.
-        blind = self._accelerates and not self._estimator.knows_speed(now_us)
+        # motor loop as soon as it is given up, or by its watchdog.
+        blind = not self._estimator.knows_speed(now_us)
         late = now_us - self._ended_us >= round(STOP_LIMIT_S * US_PER_S)
         return replace(outputs, finished=stopped or blind or late)
 

@@ -103,11 +103,13 @@ class ControllerNode:
         del tick_us
         assert self._port is not None  # by attach
         now_us, began_s = self._port.now_us(), time.perf_counter()
+        obstacle = self._alive.obstacle(self._commands.number, now_us)
         seen = Inputs(
             tuple(self._frames),
             self._wheels,
-            self._alive.robot(self._commands.number, now_us),
+            obstacle is None,
             self._alive.logger(now_us),
+            obstacle or "",
         )
         self._frames.clear()
         outputs = self.controller.step(seen, now_us)

@@ -8,10 +8,10 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.data.eventlog import EventLogWriter
+from koopman_lab.data.logwriter import RotatingLogWriter
 
-FLUSH_RATE_HZ = 10.0
-"""Ending the process by force costs at most this period of data."""
+KEEP_RATE_HZ = 10.0
+"""Ending the process by force, or a power failure, costs at most two such periods of data."""
 
 
 class LoggerNode:
@@ -23,14 +23,21 @@ class LoggerNode:
         The lab; names the robot whose channels are logged.
     path
         The log to write; it must not exist yet.
+    resume
+        Go on behind the files of a log that is there.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be made.
     """
 
     name = "logger"
 
-    def __init__(self, config: LabConfig, path: Path) -> None:
+    def __init__(self, config: LabConfig, path: Path, *, resume: bool = False) -> None:
         self._heartbeat_rate_hz = config.bus.heartbeat_rate_hz
         self._mocap_name = channels.MOCAP_POSE.name(config.robot.name)
-        self._writer = EventLogWriter(path)
+        self._writer = RotatingLogWriter(path, config.logger.largest_file_bytes, resume=resume)
         self._events = 0
         self._bytes = 0
 
@@ -40,7 +47,9 @@ class LoggerNode:
         for channel in channels.CHANNELS:
             if channel.logged:
                 port.subscribe_raw(channel, self._on_message)
-        port.every(FLUSH_RATE_HZ, lambda _: self._writer.flush())
+        # In lockstep nobody pulls a plug, and many virtual seconds go into a real one.
+        keep = self._writer.flush if port.virtual else self._writer.sync
+        port.every(KEEP_RATE_HZ, lambda _: keep())
         port.every(self._heartbeat_rate_hz, self._on_heartbeat)
 
     def close(self) -> None:

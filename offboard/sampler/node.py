@@ -13,21 +13,35 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import Pose, Velocity
 from offboard.commander import Commands, Freshness, SessionInfo
 from offboard.sampler.plan import Planner
-from offboard.sampler.sampler import Action, Observation, Phase, Sampler
+from offboard.sampler.sampler import NOTHING, Action, Observation, Phase, Progress, Sampler
 
 SAMPLER = lcmtypes.velocity_command_t.SAMPLER
+SEED_STREAM = 2
+"""Among the generators that grow from ``config.seed``."""
 FAREWELLS = 4
 """The last state is sent this often, so that losing one message loses nothing."""
 
 
 class SamplerNode:
-    """Listens to poses and to who is alive; commands the robot and says so in SAMPLER_STATE."""
+    """Listens to poses and to who is alive; commands the robot and says so in SAMPLER_STATE.
+
+    Parameters
+    ----------
+    config
+        The lab.
+    before
+        What an interrupted session has brought that this one goes on with.
+    """
 
     name = "sampler"
 
-    def __init__(self, config: LabConfig) -> None:
-        rng = np.random.default_rng(np.random.SeedSequence([config.seed, 2]))
-        self.sampler = Sampler(config, Planner(config, rng))
+    def __init__(self, config: LabConfig, before: Progress | None = None) -> None:
+        seed = [config.seed, SEED_STREAM]
+        if before is not None:
+            # Other draws than those that the session began with.
+            seed.append(before.runs)
+        planner = Planner(config, np.random.default_rng(np.random.SeedSequence(seed)))
+        self.sampler = Sampler(config, planner, before or NOTHING)
         self._config = config
         self._farewells = 0
 

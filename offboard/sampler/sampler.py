@@ -59,6 +59,21 @@ class Action(NamedTuple):
     u: tuple[float, float]
 
 
+class Progress(NamedTuple):
+    """How far a session has come.
+
+    ``done`` complete segments, ``runs`` begun, ``frames`` of runs, ``redraws`` in all.
+    """
+
+    done: int = 0
+    runs: int = 0
+    frames: int = 0
+    redraws: int = 0
+
+
+NOTHING = Progress()
+
+
 class Sampler:
     """One calibration session (paper, section 5.1).
 
@@ -68,15 +83,19 @@ class Sampler:
         The whole lab; ``config.sampler`` names what is sampled.
     planner
         Draws states and judges them.
+    before
+        What an interrupted session has brought that this one goes on with.
     """
 
-    def __init__(self, config: LabConfig, planner: Planner) -> None:
+    def __init__(self, config: LabConfig, planner: Planner, before: Progress = NOTHING) -> None:
         settings = config.sampler
         self.phase = Phase.WAIT
-        self.runs = 0
-        self.done = 0
-        self.frames = 0
+        self.runs = before.runs
+        self.done = before.done
+        self.frames = before.frames
         self.redraws: Counter[str] = Counter()
+        if before.redraws:
+            self.redraws["before the interruption"] = before.redraws
         self.total = settings.segments_per_basis * len(settings.basis_inputs)
         self._settings = settings
         self._planner = planner

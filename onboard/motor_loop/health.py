@@ -30,7 +30,8 @@ class Health:
     """Judges tick by tick; each finding must persist for its configured time.
 
     A stuck encoder and a blocked motor look the same from here: a wheel is driven and its counter
-    stands still. Both stop the robot.
+    stands still. Both stop the robot, the sooner the harder the wheel is driven: with a stuck
+    encoder the speed controller sees no speed and drives ever harder.
     """
 
     def __init__(self, settings: schema.Health) -> None:
@@ -38,16 +39,18 @@ class Health:
         self._battery_low_v = settings.battery_low_v
         self._battery_us = settings.battery_s * US_PER_S
         self._stuck_duty = settings.stuck_duty
-        self._stuck_us = settings.stuck_s * US_PER_S
+        self._stuck_effort_us = settings.stuck_duty * settings.stuck_s * US_PER_S
+        self._checked_us: int | None = None
         self.reset()
 
     def reset(self) -> None:
         """Forget the past."""
         self._good_since_us: list[int | None] = [None] * FAULTS
+        self._efforts_us = [0.0, 0.0]
 
     def hears(self, encoder_age_us: int | None) -> bool:
         """Return whether the newest encoder message (age in us) is young enough to drive by."""
-        return encoder_age_us is not None and encoder_age_us <= self._timeout_us
+        return encoder_age_us is not None and abs(encoder_age_us) <= self._timeout_us
 
     def check(
         self,
@@ -74,22 +77,33 @@ class Health:
         """
         silent = not self.hears(encoder_age_us) and any(duties)
         low = battery_v is not None and battery_v < self._battery_low_v
-        fresh = encoder_age_us is not None and encoder_age_us < OLDEST_US
-        left_stuck = fresh and speeds[LEFT] == 0.0 and abs(duties[LEFT]) > self._stuck_duty
-        right_stuck = fresh and speeds[RIGHT] == 0.0 and abs(duties[RIGHT]) > self._stuck_duty
-        if not (silent or low or left_stuck or right_stuck):
+        fresh = encoder_age_us is not None and abs(encoder_age_us) < OLDEST_US
+        left_idle = fresh and speeds[LEFT] == 0.0 and abs(duties[LEFT]) > self._stuck_duty
+        right_idle = fresh and speeds[RIGHT] == 0.0 and abs(duties[RIGHT]) > self._stuck_duty
+        before_us, self._checked_us = self._checked_us, now_us
+        if not (silent or low or left_idle or right_idle):
             self._good_since_us = [now_us] * FAULTS
+            self._efforts_us = [0.0, 0.0]
             return Fault.NO_FAULT
+        # A clock that is set makes no time pass.
+        passed_us = 0 if before_us is None else min(OLDEST_US, max(0, now_us - before_us))
         findings = (
             (Fault.ENCODERS_SILENT, silent, 0.0),
             (Fault.BATTERY_LOW, low, self._battery_us),
-            (Fault.LEFT_WHEEL_STUCK, left_stuck, self._stuck_us),
-            (Fault.RIGHT_WHEEL_STUCK, right_stuck, self._stuck_us),
+            (Fault.LEFT_WHEEL_STUCK, self._strained(LEFT, left_idle, duties, passed_us), 0.0),
+            (Fault.RIGHT_WHEEL_STUCK, self._strained(RIGHT, right_idle, duties, passed_us), 0.0),
         )
         for fault, bad, patience_us in findings:
             since_us = self._good_since_us[fault]
-            if not bad or since_us is None:
+            # A clock that was set back must not lengthen the patience.
+            if not bad or since_us is None or since_us > now_us:
                 since_us = self._good_since_us[fault] = now_us
             if bad and now_us - since_us >= patience_us:
                 return fault
         return Fault.NO_FAULT
+
+    def _strained(self, wheel: int, idle: bool, duties: Sequence[float], passed_us: int) -> bool:
+        """Add up a wheel's duty over the time in which it should turn and does not."""
+        effort_us = self._efforts_us[wheel] + abs(duties[wheel]) * passed_us if idle else 0.0
+        self._efforts_us[wheel] = effort_us
+        return effort_us >= self._stuck_effort_us

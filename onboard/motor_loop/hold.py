@@ -104,8 +104,11 @@ class Hold:
         return reason
 
     def is_silent(self, now_us: int) -> bool:
-        """Return whether the holder's last accepted command is too old."""
-        return self.holder != NOBODY and now_us - self._accepted_at_us > self._watchdog_us
+        """Return whether the holder's last accepted command is too old.
+
+        One that seems to lie ahead tells of a clock that was set back: its age is not known.
+        """
+        return self.holder != NOBODY and abs(now_us - self._accepted_at_us) > self._watchdog_us
 
     def lose(self) -> None:
         """Take the robot from whoever holds it."""

@@ -41,13 +41,19 @@ class Odometry:
         self._raw: tuple[int, int] | None = None
 
     def update(self, utime: int, left_count: int, right_count: int) -> None:
-        """Take a sample; one that is not newer than the last is ignored."""
+        """Take a sample; one that is not newer than the last is ignored.
+
+        One that is older by more than the window tells of a clock that was set back. The samples
+        before it are moved along, so that the speed goes on.
+        """
         if self._raw is None:
             self._raw = (left_count, right_count)
             self._samples.append((utime, 0, 0))
             return
         last_utime, left, right = self._samples[-1]
-        if utime <= last_utime:
+        if utime < last_utime - self._window_us:
+            self._move(utime - last_utime)
+        elif utime <= last_utime:
             return
         left += count_difference(left_count, self._raw[0])
         right += count_difference(right_count, self._raw[1])
@@ -56,6 +62,12 @@ class Odometry:
         # One sample older than the window stays, so that the mean covers all of it.
         while len(self._samples) > 2 and self._samples[1][0] <= utime - self._window_us:
             self._samples.popleft()
+
+    def _move(self, step_us: int) -> None:
+        last_us = self._samples[-1][0]
+        period_us = last_us - self._samples[-2][0] if len(self._samples) > 1 else 1
+        shift_us = step_us - period_us
+        self._samples = deque((t + shift_us, left, right) for t, left, right in self._samples)
 
     def newest(self) -> WheelSpeeds | None:
         """Return the speeds between the last two samples, or None before there are two."""

@@ -26,6 +26,8 @@ class Battery:
         self._resistance_ohm = battery.resistance_ohm
         self._board_current_a = battery.board_current_a
         self._motor_resistance_ohm = motor_resistance_ohm
+        self.held_v: float | None = None
+        """Voltage at which a fault holds the terminals whatever the load, None without."""
 
     @property
     def open_circuit_v(self) -> float:
@@ -39,6 +41,8 @@ class Battery:
         takes the current ``s (s U - e) / R`` from the battery, since an ideal driver keeps the
         power. Solved for U, this is linear in the back-EMFs (V).
         """
+        if self.held_v is not None:
+            return self.held_v, 0.0, 0.0
         ratio = self._resistance_ohm / self._motor_resistance_ohm
         scale = 1.0 / (1.0 + ratio * (left_share * left_share + right_share * right_share))
         base_v = scale * (self.open_circuit_v - self._resistance_ohm * self._board_current_a)

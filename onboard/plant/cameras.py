@@ -48,10 +48,10 @@ class Cameras:
         self._occlusions = occlusions
         self._pending: deque[tuple[int, Frame]] = deque()
 
-    def expose(self, utime: int, pose: PlainPose) -> None:
-        """Take a picture of the robot at its true pose at ``utime``."""
+    def expose(self, utime: int, pose: PlainPose, *, hidden: bool = False) -> None:
+        """Take a picture of the robot at its true pose at ``utime``; of nothing if it is hidden."""
         e1, e2, e3, luck, delay = next(self._numbers)
-        if luck < self._lost_share or self._occluded(utime):
+        if hidden or luck < self._lost_share or self._occluded(utime):
             seen, valid = NOTHING, False
         else:
             x1, x2, theta = pose

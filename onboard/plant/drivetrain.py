@@ -60,7 +60,8 @@ class Drivetrain:
         self._damping = self._back_emf * self._torque_per_v + motor.viscous_friction_n_m_s_per_rad
         self._gain_left, self._gain_right = motor.gain
         self._coulomb_left, self._coulomb_right = motor.coulomb_friction_n_m
-        self._breakaway_left, self._breakaway_right = motor.breakaway_friction_n_m
+        self._breakaway = motor.breakaway_friction_n_m
+        self._breakaway_left, self._breakaway_right = self._breakaway
 
         turning = body.wheel_inertia_kg_m2 + motor.gear_ratio**2 * motor.rotor_inertia_kg_m2
         along, about = body.mass_kg / 4.0, body.inertia_kg_m2 / track_m**2
@@ -107,6 +108,17 @@ class Drivetrain:
     def halt(self) -> None:
         """Stop both wheels at once, as a hand does that lifts the robot."""
         self.left_rad_per_s = self.right_rad_per_s = 0.0
+
+    def stall(self, left: bool, right: bool) -> None:
+        """Lock these rotors at once, and no others: nothing breaks a locked one away."""
+        self._breakaway_left = math.inf if left else self._breakaway[0]
+        self._breakaway_right = math.inf if right else self._breakaway[1]
+        self.left_rad_per_s *= not left
+        self.right_rad_per_s *= not right
+
+    def feed(self, battery_v: float | None) -> None:
+        """Hold the terminals at a voltage (V) from the next duties on, or leave them alone."""
+        self._battery.held_v = battery_v
 
     def advance(self, step_us: int) -> None:
         """Integrate one step."""

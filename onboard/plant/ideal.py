@@ -20,11 +20,13 @@ class IdealDrives:
         self.left_rad_per_s = 0.0
         self.right_rad_per_s = 0.0
         self.until_kink_us: int | None = None
-        self.battery_v = battery.empty_v + battery.state_of_charge * (
+        self._battery_v = battery.empty_v + battery.state_of_charge * (
             battery.full_v - battery.empty_v
         )
+        self.battery_v = self._battery_v
         self._full_speed = config.motor_loop.pid.feed_forward_full_duty_rad_per_s
-        self._gain_left, self._gain_right = config.plant.motor.gain
+        self._gain = config.plant.motor.gain
+        self._gain_left, self._gain_right = self._gain
         self._linear = config.plant.motor.drive == "linear"
         self._tick_us = round(US_PER_S / config.motor_loop.rate_hz)
         self._targets = (0.0, 0.0)
@@ -42,6 +44,19 @@ class IdealDrives:
         """Stop both wheels at once, as a hand does that lifts the robot."""
         self.left_rad_per_s = self.right_rad_per_s = 0.0
         self.until_kink_us = None
+
+    def stall(self, left: bool, right: bool) -> None:
+        """Lock these rotors at once, and no others; the others go on with the next duties."""
+        self._gain_left = 0.0 if left else self._gain[0]
+        self._gain_right = 0.0 if right else self._gain[1]
+        self.left_rad_per_s *= not left
+        self.right_rad_per_s *= not right
+        to_left, to_right = self._targets
+        self._targets = (to_left * (not left), to_right * (not right))
+
+    def feed(self, battery_v: float | None) -> None:
+        """Show this voltage, or the battery's own; the ideal drives do not feel it."""
+        self.battery_v = self._battery_v if battery_v is None else battery_v
 
     def advance(self, step_us: int) -> None:
         """Go on by a step that crosses no kink."""

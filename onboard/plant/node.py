@@ -9,12 +9,14 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import Pose
+from koopman_lab.robot.faults import fault_of
 from onboard.plant.cameras import Cameras
+from onboard.plant.hardware import Hardware
 from onboard.plant.plant import Plant
 
 
 class PlantNode:
-    """Listens to MOTOR_CMD and PLANT_RESET; speaks ENCODER, MOCAP_POSE and PLANT_TRUTH."""
+    """Listens to MOTOR_CMD, PLANT_RESET, FAULT; speaks ENCODER, MOCAP_POSE and PLANT_TRUTH."""
 
     name = "plant"
 
@@ -22,51 +24,51 @@ class PlantNode:
         placement, noise = np.random.SeedSequence([config.seed, 1]).spawn(2)
         self.plant = Plant(config, np.random.default_rng(placement))
         self._cameras = Cameras(config.mocap, np.random.default_rng(noise))
-        self._encoder_rate_hz = config.plant.encoder_rate_hz
-        self._camera_rate_hz = config.mocap.rate_hz
+        self._config = config
 
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
         self._port = port
+        self._hardware = Hardware(self._config, self.plant, port.now_us())
+        port.subscribe(channels.FAULT, self._on_fault)
         port.subscribe(channels.MOTOR_CMD, self._on_motor_command)
         port.subscribe(channels.PLANT_RESET, self._on_reset)
-        port.every(self._encoder_rate_hz, self._on_encoder_tick)
-        port.every(self._camera_rate_hz, self._on_camera_tick)
+        port.every(self._config.plant.encoder_rate_hz, self._on_encoder_tick)
+        port.every(self._config.mocap.rate_hz, self._on_camera_tick)
 
     def close(self) -> None:
         """Nothing is held."""
 
     def _on_motor_command(self, message: lcmtypes.motor_command_t) -> None:
-        self.plant.advance(self._port.now_us())
-        self.plant.drive(message.left_duty, message.right_duty)
+        self._hardware.drive(message.left_duty, message.right_duty, self._port.now_us())
+
+    def _on_fault(self, message: lcmtypes.fault_t) -> None:
+        fault = fault_of(message)
+        if fault is not None:
+            self._hardware.faults.inject(fault, self._port.now_us())
 
     def _on_reset(self, message: lcmtypes.plant_reset_t) -> None:
-        self.plant.advance(self._port.now_us())
+        self._hardware.advance(self._port.now_us())
         self.plant.place(Pose(message.x1_m, message.x2_m, message.theta_rad))
 
-    def _advance(self, tick_us: int) -> int:
-        # A motor command may have taken the plant a little past the tick's nominal time; what is
-        # stamped is the time the state belongs to.
-        self.plant.advance(tick_us)
-        return tick_us if self.plant.time_us is None else self.plant.time_us
-
     def _on_encoder_tick(self, tick_us: int) -> None:
-        utime = self._advance(tick_us)
+        utime = self._hardware.advance(tick_us)
         encoder = lcmtypes.encoder_t()
         encoder.utime = utime
-        encoder.left_count, encoder.right_count = self.plant.encoder_counts()
+        encoder.left_count, encoder.right_count = self._hardware.encoder_counts()
         encoder.battery_v = self.plant.battery_v
         self._port.publish(channels.ENCODER, encoder)
         truth = lcmtypes.plant_truth_t()
         truth.utime = utime
         truth.x1_m, truth.x2_m, truth.theta_rad = self.plant.coordinates
         truth.v_m_per_s, truth.omega_rad_per_s = self.plant.body_velocity()
+        truth.faults = self._hardware.effects.kinds
         self._port.publish(channels.PLANT_TRUTH, truth)
         self._send_frames(utime)
 
     def _on_camera_tick(self, tick_us: int) -> None:
-        utime = self._advance(tick_us)
-        self._cameras.expose(utime, self.plant.coordinates)
+        utime = self._hardware.advance(tick_us)
+        self._cameras.expose(utime, self.plant.coordinates, hidden=self._hardware.effects.occluded)
         self._send_frames(utime)
 
     def _send_frames(self, now_us: int) -> None:

@@ -37,6 +37,12 @@ class Drives(Protocol):
     def halt(self) -> None:
         """Stop both wheels at once."""
 
+    def stall(self, left: bool, right: bool) -> None:
+        """Lock these rotors, and no others."""
+
+    def feed(self, battery_v: float | None) -> None:
+        """Hold the terminals at a voltage (V), or leave them to the battery."""
+
     def advance(self, step_us: int) -> None:
         """Integrate one step that crosses no kink."""
 

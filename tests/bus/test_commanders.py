@@ -8,15 +8,10 @@ from koopman_lab.bus.commanders import commander_name, commander_number
 ROLES = lcmtypes.velocity_command_t
 
 
-class PortOf:
-    def __init__(self, process):
-        self.process = process
-
-
 @pytest.mark.parametrize("process", [1, 4711, 2**22])
 def test_two_processes_of_one_role_are_two_commanders_with_names(process):
-    number = commander_number(ROLES.CONTROLLER, PortOf(process))
-    assert number != commander_number(ROLES.CONTROLLER, PortOf(process + 1))
+    number = commander_number(ROLES.CONTROLLER, process)
+    assert number != commander_number(ROLES.CONTROLLER, process + 1)
     assert commander_name(number) == f"controller (process {process})"
     message = lcmtypes.velocity_command_t()
     message.commander = number
@@ -24,7 +19,7 @@ def test_two_processes_of_one_role_are_two_commanders_with_names(process):
 
 
 def test_in_lockstep_the_role_says_it_all():
-    assert commander_name(commander_number(ROLES.SAMPLER, PortOf(0))) == "sampler"
+    assert commander_name(commander_number(ROLES.SAMPLER, 0)) == "sampler"
 
 
 def test_a_number_of_nobody_known_is_still_named():

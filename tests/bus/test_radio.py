@@ -47,6 +47,13 @@ def test_loss_and_duplication_have_their_shares(share):
     assert twice == pytest.approx(share * MANY, rel=0.1)
 
 
+@pytest.mark.parametrize(("own", "fault", "share"), [(0.0, 0.3, 0.3), (0.4, 0.3, 0.4), (0.4, 1, 1)])
+def test_a_fault_loses_its_share_if_that_is_more_than_the_radios_own(own, fault, share):
+    radio = Radio(RadioLink(**(PERFECT | {"loss": own})), np.random.default_rng(1))
+    lost = sum(not radio.arrivals(k * PERIOD_US, fault) for k in range(MANY))
+    assert lost == pytest.approx(share * MANY, rel=0.1)
+
+
 def test_only_what_is_held_back_is_overtaken():
     kept = [copies[0] for copies in send(jitter_s=0.02)]
     assert kept == sorted(kept)

@@ -135,6 +135,18 @@ CASES = {
         ("figure", "samples", "{runs}/good", "--windows", "10,90000", "--out", "{out}"),
         ("basis input 1", "90000", "--windows"),
     ),
+    "fault without a simulated robot": (
+        ("fault", "occlusion", "--robot-name", "R9"),
+        ("R9_PLANT_TRUTH is silent", "klab up"),
+    ),
+    "fault with another's detail": (
+        ("fault", "occlusion", "--wheel", "left"),
+        ("occlusion has no wheel",),
+    ),
+    "impossible planned fault": (
+        ("calibrate", "--lockstep", "--set", "faults=[{{kind: burst_loss, at_s: 1, loss: 2}}]"),
+        ("faults.0.loss", "less than or equal to 1", "found 2"),
+    ),
     "a bus that is none": (
         ("calibrate", "--url", "nonsense://", "--out", "{out}"),
         ("nonsense://", "ip route add"),
@@ -174,8 +186,8 @@ def test_doctor_is_content_here():
 
 @pytest.mark.parametrize(
     "command",
-    ["demo", "up", "calibrate", "train", "park", "estop", "doctor", "log info"]
-    + ["bench lockstep", "bench motor", "bench dataset", "figure samples"]
+    ["demo", "up", "calibrate", "train", "park", "estop", "fault", "doctor", "log info"]
+    + ["bench lockstep", "bench motor", "bench faults", "bench dataset", "figure samples"]
     + [f"dataset {what}" for what in ("make", "info", "export", "import", "sweep")]
     + [f"run {node}" for node in ("plant", "onboard", "logger", "sampler", "controller")],
 )

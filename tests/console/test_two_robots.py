@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from klab import SMALL_AREA, klab_ok, start_klab
+from klab import SMALL_AREA, klab, klab_ok, start_klab
 
 from koopman_lab.bus.channels import ONBOARD_STATUS, split_name
 from koopman_lab.bus.realtime import Listener
@@ -35,7 +35,18 @@ def robots(bus_url, tmp_path):
         process.communicate(timeout=30)
 
 
-def test_one_robot_is_calibrated_while_the_other_parks(robots, tmp_path):
+def wait_until_held(bus_url, name):
+    listener = Listener(load_config(overrides=[f"bus.url={bus_url}", f"robot.name={name}"]))
+    holders = []
+    listener.subscribe(ONBOARD_STATUS, lambda status: holders.append(status.commander))
+    for _ in range(MOST_WAITS):
+        listener.spin(WAIT_S)
+        if holders and holders[-1] != 0:
+            return
+    pytest.fail(f"nobody holds {name} in time")
+
+
+def test_one_robot_is_calibrated_while_the_other_parks(robots, bus_url, tmp_path):
     calibrated, parked = robots
     klab_ok("calibrate", "--lockstep", "--out", tmp_path / "before")
     model = tmp_path / "model.npz"
@@ -45,6 +56,11 @@ def test_one_robot_is_calibrated_while_the_other_parks(robots, tmp_path):
     session = start_klab(
         "calibrate", "--robot-name", calibrated, "--out", folders[calibrated], *small
     )
+    wait_until_held(bus_url, calibrated)
+    refused = klab("calibrate", "--robot-name", calibrated, "--out", tmp_path / "second")
+    assert refused.returncode == 2, refused.stderr
+    assert f"{calibrated}_ONBOARD_STATUS: the robot is held by sampler" in refused.stderr
+    assert not (tmp_path / "second").exists()
     klab_ok("park", "--robot-name", parked, "--model", model, "--out", folders[parked])
     said, _ = session.communicate(timeout=120)
     assert session.returncode == 0, said

@@ -7,7 +7,7 @@ import numpy as np
 import lcmtypes
 from koopman_lab.bus.channels import MOCAP_POSE, SAMPLER_STATE, SESSION_INFO
 from koopman_lab.config.load import dump_config, load_config
-from koopman_lab.data.eventlog import EventLogWriter
+from koopman_lab.data.logwriter import EventLogWriter
 from koopman_lab.geometry import wrap_angle
 from koopman_lab.robot.models import nominal_model
 

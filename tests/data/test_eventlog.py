@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from koopman_lab.data.eventlog import Damage, Event, EventLogWriter, read_events
+from koopman_lab.data.eventlog import Damage, Event, read_events
+from koopman_lab.data.logwriter import EventLogWriter
 from koopman_lab.errors import LogError
 
 CHANNELS = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=63)

@@ -3,8 +3,9 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from koopman_lab.data.eventlog import EventLogWriter, load_log, scan
-from koopman_lab.data.index import index_log
+from koopman_lab.data.eventlog import load_log, scan
+from koopman_lab.data.index import index_files, index_log
+from koopman_lab.data.logwriter import EventLogWriter
 from koopman_lab.data.messages import Messages
 from koopman_lab.errors import LogError
 
@@ -21,8 +22,8 @@ DATA = st.one_of(
 EVENTS = st.lists(st.tuples(NAMES, DATA, st.integers(-(2**62), 2**62)), min_size=1, max_size=12)
 
 
-def write(folder, events):
-    path = folder / "log.lcm"
+def write(folder, events, name="log.lcm"):
+    path = folder / name
     path.unlink(missing_ok=True)
     with EventLogWriter(path) as log:
         for event in events:
@@ -93,3 +94,13 @@ def test_messages_from_no_log_are_kept_in_order():
     assert list(messages) == data
     assert messages.sizes.tolist() == [3, 0, 2]
     assert len(Messages.joined(())) == 0
+
+
+@given(EVENTS, EVENTS)
+def test_a_log_in_two_files_is_one(tmp_path_factory, first, second):
+    folder = tmp_path_factory.getbasetemp()
+    files = [write(folder, events, f"{n}.lcm") for n, events in enumerate((first, second))]
+    whole = write(folder, first + second)
+    together = index_files(files, salvage=False)
+    assert list(together) == sorted(together)
+    assert rows(together) == rows(index_files([whole], salvage=False))

@@ -11,8 +11,9 @@ from koopman_lab.bus.channels import (
     SAMPLER_STATE,
     SESSION_INFO,
 )
+from koopman_lab.config.load import dump_config, load_config
 from koopman_lab.data.decode import ChannelSummary, SessionLog
-from koopman_lab.data.eventlog import EventLogWriter
+from koopman_lab.data.logwriter import EventLogWriter
 from koopman_lab.errors import ConfigError, LogError
 
 SYNC = b"\xed\xa1\xda\x01"
@@ -130,13 +131,27 @@ def test_the_configuration_comes_out_as_it_went_in(session, path):
 def test_a_log_without_or_with_two_configurations_is_refused(session, tmp_path):
     with pytest.raises(LogError, match="R1_SESSION_INFO, so it does not say its configuration"):
         SessionLog(write(tmp_path / "a.lcm", frames([0]))).config()
-    info = lcmtypes.session_info_t()
-    info.config_yaml = "seed: 1"
-    row = (SESSION_INFO.name("R1"), info.encode(), 0)
+
+    def row(text):
+        info = lcmtypes.session_info_t()
+        info.config_yaml = text
+        return SESSION_INFO.name("R1"), info.encode(), 0
+
+    other = row(dump_config(load_config(overrides=["seed=77"])))
     with pytest.raises(LogError, match="2 different configurations"):
-        SessionLog(write(tmp_path / "b.lcm", [*session.messages()[:3], row])).config()
+        SessionLog(write(tmp_path / "b.lcm", [*session.messages()[:3], other])).config()
     with pytest.raises(ConfigError, match=r"c\.lcm: its configuration is none of this version"):
-        SessionLog(write(tmp_path / "c.lcm", [row])).config()
+        SessionLog(write(tmp_path / "c.lcm", [row("seed: 1")])).config()
+
+
+def test_a_session_that_was_resumed_on_another_bus_has_one_configuration(tmp_path):
+    rows = []
+    for url in ("udpm://239.255.76.67:7667?ttl=0", "udpm://239.255.76.68:7668?ttl=0"):
+        info = lcmtypes.session_info_t()
+        info.config_yaml = dump_config(load_config(overrides=[f"bus.url={url}"]))
+        rows.append((SESSION_INFO.name("R1"), info.encode(), 0))
+    found = SessionLog(write(tmp_path / "a.lcm", rows)).config()
+    assert found == load_config(overrides=["bus.url=udpm://239.255.76.67:7667?ttl=0"])
 
 
 def test_several_robots_in_one_log_are_kept_apart(tmp_path):

@@ -15,7 +15,7 @@ from onboard.motor_loop.node import OnboardNode
 from onboard.plant.node import PlantNode
 
 COMMANDS = (channels.VELOCITY_CMD, channels.ACCELERATION_CMD)
-HEARD = (*COMMANDS, channels.ESTOP, channels.ENCODER, channels.TIME_PONG)
+HEARD = (*COMMANDS, channels.ESTOP, channels.ENCODER, channels.TIME_PONG, channels.FAULT)
 CONFIGS = {robot: load_config(robot=robot) for robot in ("kinematic", "dynamic")}
 INT64, INT32, INT8 = (st.integers(-(2**n), 2**n - 1) for n in (63, 31, 7))
 

@@ -1,0 +1,54 @@
+"""The plant with what goes wrong with its motors, counters and battery."""
+
+from __future__ import annotations
+
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.robot.faults import NO_EFFECTS, Faults
+from onboard.plant.counters import Counters, Counts
+from onboard.plant.driver import Driver
+from onboard.plant.plant import Plant
+
+
+class Hardware:
+    """Motor drivers with a watchdog of their own, and faults on demand; times are those of the bus.
+
+    Parameters
+    ----------
+    config
+        What goes wrong by itself, and the drivers' patience.
+    plant
+        What is driven.
+    start_us
+        Present time (us).
+    """
+
+    def __init__(self, config: LabConfig, plant: Plant, start_us: int) -> None:
+        self.faults = Faults(config.faults, start_us)
+        self.effects = NO_EFFECTS
+        """What is wrong at the time to which the plant was last advanced."""
+        self._plant = plant
+        self._counters = Counters()
+        self._driver = Driver(config.plant.motor.command_timeout_s)
+
+    def drive(self, left_duty: float, right_duty: float, now_us: int) -> None:
+        """Apply motor duties from now on."""
+        self.advance(now_us)
+        self._driver.hear(now_us)
+        self._plant.drive(left_duty, right_duty)
+
+    def advance(self, now_us: int) -> int:
+        """Take the plant to ``now_us``; return where it is, since it never runs backwards."""
+        plant = self._plant
+        if now_us >= self._driver.due_us:
+            plant.advance(self._driver.brake())
+            plant.drive(0.0, 0.0)
+        plant.advance(now_us)
+        if now_us >= self.faults.change_us:
+            self.effects = self.faults.at(now_us)
+            plant.drives.stall(*self.effects.motor_stalled)
+            plant.drives.feed(self.effects.battery_v)
+        return now_us if plant.time_us is None else plant.time_us
+
+    def encoder_counts(self) -> Counts:
+        """Return what both counters show."""
+        return self._counters.read(self._plant.encoder_counts(), self.effects.encoder_stuck)
