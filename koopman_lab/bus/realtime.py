@@ -219,14 +219,14 @@ def run_node(
         try:
             port.attach(node)
             port.listen()
-            _ask_for_priority(PRIORITIES.get(node.name, PRIORITY))
+            ask_for_priority(PRIORITIES.get(node.name, PRIORITY))
             _loop(port, stop, lifeline_fd, tick_times)
         finally:
             node.close()
     return RunStatistics(*port.ticks(), sum(port.lost_messages().values()))
 
 
-def _ask_for_priority(priority: int) -> None:
+def ask_for_priority(priority: int = PRIORITY) -> None:
     """Go before ordinary processes where the system lets us; most let only root."""
     with contextlib.suppress(OSError, AttributeError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))

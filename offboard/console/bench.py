@@ -148,7 +148,8 @@ def realtime(
 
     Example: klab bench realtime --minutes 2
     """
-    from offboard.console.bench_realtime import MORE_THAN_ENOUGH, as_table, measure, stolen_s
+    from offboard.console.bench_realtime import as_table, measure, stolen_s
+    from offboard.console.bench_session import MORE_THAN_ENOUGH
     from offboard.console.folder import new_folder
     from offboard.console.session import keeping_the_log
 
@@ -169,6 +170,48 @@ def realtime(
     out.print(as_table(found, lab.motor_loop.rate_hz))
     if stolen is not None:
         out.print(f"CPU time that a host took from this machine meanwhile: {stolen:.2f} s")
+
+
+@app.command()
+def logger(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    minutes: Annotated[
+        float, typer.Option("--minutes", min=0.05, help="How long to measure.")
+    ] = 1.0,
+    camera_rate_hz: Annotated[
+        float, typer.Option("--camera-rate-hz", min=1.0, help="Ten times the usual one, or less.")
+    ] = 2400.0,
+    url: options.Url = None,
+    folder: options.Out = None,
+    as_json: options.AsJson = False,
+) -> None:
+    """Record a calibration with our logger and with lcm-logger at once, and count both.
+
+    Example: klab bench logger --minutes 1 --camera-rate-hz 2400
+    """
+    from offboard.console import bench_logger
+    from offboard.console.bench_session import MORE_THAN_ENOUGH
+    from offboard.console.folder import new_folder
+    from offboard.console.session import keeping_the_log
+
+    wanted = [
+        f"sampler.segments_per_basis={MORE_THAN_ENOUGH}",
+        f"mocap.rate_hz={camera_rate_hz}",
+        *(overrides or ()),
+    ]
+    lab = options.resolve(config, wanted, options.kind_of(robot), url=url)
+    listener = options.listen(lab)
+    run, seconds = new_folder(folder, "logger", lab), 60.0 * minutes
+    with keeping_the_log(run), progress("recording") as report:
+        found = bench_logger.measure(
+            lab, run, listener, seconds, lambda s: report(round(s), round(seconds), "s")
+        )
+    if as_json:
+        out.print_json(json.dumps({name: row._asdict() for name, row in found.items()}))
+    else:
+        out.print(bench_logger.as_table(found, camera_rate_hz, seconds))
 
 
 @app.command()

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from koopman_lab.bus.pacing import Pacing, load_tick_times, pacing
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import LabStateError
+from offboard.console.bench_session import drive
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -18,10 +17,6 @@ if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
     from offboard.console.folder import RunFolder
 
-WAIT_S = 1.0
-MORE_THAN_ENOUGH = 10_000
-"""Segments per basis input: more than fit into any measurement."""
-START_LIMIT_S = 30.0
 STATISTICS = Path("/proc/stat")
 STEAL = 8
 """Word of its first line: involuntary wait, in ticks of the clock, over all CPUs."""
@@ -60,40 +55,16 @@ def measure(
     LabStateError
         If a process dies or the robot is not driven.
     """
-    import lcmtypes
-    from koopman_lab.bus.channels import ONBOARD_STATUS
     from offboard.console.supervisor import supervised
 
     files = {name: folder.path / f"{name}-ticks.npy" for name in WORDS}
-    statuses: list[lcmtypes.onboard_status_t] = []
-    listener.subscribe(ONBOARD_STATUS, statuses.append)
     with supervised(config, folder, listener) as lab:
         lab.start("logger", "--folder", folder.path)
         lab.start("plant")
         for name, file in files.items():
             lab.start(name, "--tick-times", file)
         lab.wait_ready("logger", "plant", "onboard")
-        lab.start("sampler")
-        began_s = time.monotonic()
-        while not (statuses and statuses[-1].state == statuses[-1].DRIVING):
-            del statuses[:-1]
-            listener.spin(WAIT_S)
-            lab.check()
-            if time.monotonic() - began_s > START_LIMIT_S:
-                raise LabStateError(
-                    f"{ONBOARD_STATUS.name(config.robot.name)}: the robot is not driven within "
-                    f"{START_LIMIT_S:g} s; {folder.process_log('sampler')} may say why"
-                )
-        began_s = time.monotonic()
-        while (passed_s := time.monotonic() - began_s) < seconds:
-            statuses.clear()
-            listener.spin(min(WAIT_S, seconds - passed_s))
-            lab.check()
-            if lab.ended("sampler"):
-                raise LabStateError(
-                    f"sampler: ended after {passed_s:.0f} s; raise sampler.segments_per_basis"
-                )
-            report(passed_s)
+        drive(lab, config, folder, listener, seconds, report)
     rate_hz = config.motor_loop.rate_hz
     return {name: pacing(load_tick_times(file), rate_hz) for name, file in files.items()}
 

@@ -1,6 +1,5 @@
 """The whole system over real UDP: processes, signals, the wheel's own LCM tools."""
 
-import contextlib
 import json
 import os
 import signal
@@ -150,15 +149,6 @@ def holds_run(long: list[bytes], short: list[bytes]) -> bool:
     )
 
 
-def before_others() -> None:
-    """Give a process the priority of our logger, if we may.
-
-    lcm-logger keeps 30 messages, which is too few where others push it aside.
-    """
-    with contextlib.suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(realtime.PRIORITY))
-
-
 def test_session_beside_lcm_logger_replayed_by_lcm_logplayer(bus_url, tmp_path):
     """Both loggers record the same, and a replayed log trains the same model to the last bit."""
     theirs, ours = tmp_path / "theirs.lcm", tmp_path / "session" / "session.lcm"
@@ -167,7 +157,8 @@ def test_session_beside_lcm_logger_replayed_by_lcm_logplayer(bus_url, tmp_path):
     peer = subprocess.Popen(
         [tool("lcm-logger"), f"--lcm-url={url}", "--quiet", str(theirs)],
         stdout=subprocess.DEVNULL,
-        preexec_fn=before_others,
+        # It keeps 30 messages, which is too few where others push it aside.
+        preexec_fn=realtime.ask_for_priority,
     )
     try:
         klab_ok("calibrate", "--segments", "3", "--out", ours.parent, *SMALL_AREA, *NO_RADIO_LOSS)
