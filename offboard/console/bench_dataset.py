@@ -23,7 +23,7 @@ def dataset(
     session: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[SESSION]",
+            metavar="SESSION",
             help="A session; default: one as long as the paper's, recorded in lockstep first "
             "(a minute or two).",
         ),
