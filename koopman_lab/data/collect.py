@@ -130,7 +130,8 @@ def check_frames(where: str, utime_us: NDArray[np.int64], frame_rate_hz: float) 
     DataError
         If there are fewer than two frames, or their median distance is not that of the rate.
     """
-    steps_us = np.diff(np.unique(utime_us))
+    steps_us = np.diff(np.sort(utime_us))
+    steps_us = steps_us[steps_us > 0]
     if not len(steps_us):
         raise DataError(
             f"{where}: {len(utime_us)} camera frames; see whether the cameras were publishing, "

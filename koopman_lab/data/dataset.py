@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.bus.channels import MOCAP_POSE, SAMPLER_STATE
-from koopman_lab.config.schema import LabConfig, Processing, RobotKind
-from koopman_lab.data.collect import check_frames, check_runs, collect
+from koopman_lab.config.schema import LabConfig, RobotKind
+from koopman_lab.data.collect import collect
 from koopman_lab.data.decode import SessionLog
-from koopman_lab.data.segments import basis_runs, cut
+from koopman_lab.data.recording import recording
 from koopman_lab.errors import DataError
 from koopman_lab.files import replacing
 from koopman_lab.robot.models import nominal_model
 
 FORMAT = 1
 """Version of the file; raised when its meaning changes."""
+_REMEDY = "`klab dataset make SESSION` makes one"
 _TABLES = ("X", "Y", "segments", "start_us", "basis_inputs")
 
 
@@ -136,11 +136,9 @@ class DataSet:
                 }
                 content |= {name: header[name] for name in ("dt_s", "robot_kind", "metadata")}
         except FileNotFoundError:
-            raise DataError(f"{path}: no such data set; make it from its session") from None
+            raise DataError(f"{path}: no such data set; {_REMEDY}") from None
         except _DAMAGED:
-            raise DataError(
-                f"{path}: damaged, or not a data set; make it again from its session"
-            ) from None
+            raise DataError(f"{path}: damaged, or not a data set; {_REMEDY}") from None
         return cls(**content)
 
     @classmethod
@@ -154,7 +152,7 @@ class DataSet:
         window: int | None = None,
         salvage: bool = False,
     ) -> DataSet:
-        """Make the data set of a session (paper, section 5.3).
+        """Make the data set of a session (paper, section 5.2).
 
         Parameters
         ----------
@@ -182,33 +180,18 @@ class DataSet:
             log = path
         else:
             log = SessionLog(path, robot_name=robot_name, salvage=salvage)
-        config = log.config() if config is None else config
-        settings = _settings(config.processing, dt_s, window)
-        frames, runs = log.array(MOCAP_POSE), basis_runs(log.array(SAMPLER_STATE))
-        rate_hz, inputs = config.mocap.rate_hz, config.sampler.indexed_inputs
-        check_runs(f"{log.path}, {SAMPLER_STATE.name(log.robot_name)}", runs, inputs)
-        check_frames(f"{log.path}, {MOCAP_POSE.name(log.robot_name)}", frames["utime"], rate_hz)
-        segments = cut(
-            runs,
-            frames,
-            frame_rate_hz=rate_hz,
-            discard_start_s=settings.discard_start_s,
-            discard_end_s=settings.discard_end_s,
-        )
+        recorded = recording(log, config, dt_s=dt_s, window=window)
+        lab, settings = recorded.config, recorded.settings
+        rate_hz, inputs = lab.mocap.rate_hz, lab.sampler.indexed_inputs
         found = {
-            index: collect(
-                [s for s in segments if s.run.basis_index == index],
-                config.robot.kind,
-                settings,
-                rate_hz,
-            )
+            index: collect(recorded.of(index), lab.robot.kind, settings, rate_hz)
             for index in inputs
         }
         metadata = {
-            "robot_name": log.robot_name,
+            "robot_name": recorded.robot_name,
             "frame_rate_hz": rate_hz,
             "processing": settings.model_dump(mode="json"),
-            "runs": len(runs),
+            "runs": len(recorded.runs),
             "basis_inputs": {str(index): part.account for index, part in found.items()},
         }
         return cls(
@@ -218,7 +201,7 @@ class DataSet:
             start_us={index: part.start_us for index, part in found.items()},
             basis_inputs={index: np.array(u) for index, u in inputs.items()},
             dt_s=settings.dt_s,
-            robot_kind=config.robot.kind,
+            robot_kind=lab.robot.kind,
             metadata=metadata,
         )
 
@@ -228,11 +211,3 @@ class DataSet:
 
 # What numpy raises for files that are no archive, a cut archive, or an archive of something else.
 _DAMAGED = (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile)
-
-
-def _settings(processing: Processing, dt_s: float | None, window: int | None) -> Processing:
-    dt_s = processing.dt_s if dt_s is None else dt_s
-    window = processing.smoothing_window if window is None else window
-    if not (0.0 < dt_s < float("inf") and window >= 1):
-        raise DataError(f"dt {dt_s} s, window {window}: dt must be above 0, the window at least 1")
-    return processing.model_copy(update={"dt_s": dt_s, "smoothing_window": window})

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,10 @@ from koopman_lab.bus.channels import ABOARD, SESSION_INFO, TIME_SYNC, Channel, M
 from koopman_lab.bus.sequence import LATEST, SMALLEST_MESSAGE, SequenceCounter
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.data.eventlog import Damage, load_log, scan
+from koopman_lab.data.eventlog import Damage
+from koopman_lab.data.index import index_files
 from koopman_lab.data.logwriter import parts
+from koopman_lab.data.messages import Messages
 from koopman_lab.data.wire import StructuredArray, decode_all, decode_each
 from koopman_lab.errors import BusError, ConfigError, LogError
 from koopman_lab.units import US_PER_S
@@ -93,19 +94,14 @@ class SessionLog:
         self.damage: list[Damage] = []
         self._salvage = salvage
         self._wanted_robot = robot_name
-        messages: dict[str, list[bytes]] = defaultdict(list)
-        arrivals: dict[str, list[int]] = defaultdict(list)
-        for file in parts(self.path) or [self.path]:
-            if file != self.path and not file.stat().st_size:
-                continue  # begun and ended by force
-            log = load_log(file)
-            for frame in scan(file, log, salvage=salvage, damage=self.damage):
-                messages[frame.channel].append(log[frame.start : frame.stop])
-                arrivals[frame.channel].append(frame.timestamp_us)
-        self._messages = dict(sorted(messages.items()))
+        files = [
+            file
+            for file in parts(self.path) or [self.path]
+            if file == self.path or file.stat().st_size  # otherwise begun and ended by force
+        ]
+        self._messages = index_files(files, salvage=salvage, damage=self.damage)
         self.channels = {
-            name: _summary(data, arrivals[name], _fingerprint(name))
-            for name, data in self._messages.items()
+            name: _summary(data, _fingerprint(name)) for name, data in self._messages.items()
         }
 
     @property
@@ -212,9 +208,9 @@ class SessionLog:
         errors_us = self.array(TIME_SYNC)["error_us"]
         return float(errors_us.max()) / US_PER_S if len(errors_us) else None
 
-    def _decode(self, channel: Channel[Any], decode: Callable[[Any, Sequence[bytes]], Any]) -> Any:
+    def _decode(self, channel: Channel[Any], decode: Callable[[Any, Messages], Any]) -> Any:
         name = channel.name(self.robot_name)
-        messages = self._messages.get(name, [])
+        messages = self._messages.get(name, Messages.joined(()))
         decoded, bad = decode(channel.type, messages)
         if len(bad) and not self._salvage:
             raise LogError(
@@ -237,29 +233,22 @@ def _is_of_the_board(name: str) -> bool:
     return _is_ours(name) and split_name(name)[1].publisher == ABOARD
 
 
-def _fingerprint(name: str) -> bytes | None:
+def _fingerprint(name: str) -> int | None:
     """Return how every message of a channel begins, None if the channel is none of this lab."""
-    fingerprint: bytes | None = None
-    if _is_ours(name):
-        fingerprint = split_name(name)[1].type._get_packed_fingerprint()
-    return fingerprint
+    if not _is_ours(name):
+        return None
+    return int.from_bytes(split_name(name)[1].type._get_packed_fingerprint(), "big")
 
 
-def _summary(
-    messages: list[bytes], arrivals: list[int], fingerprint: bytes | None
-) -> ChannelSummary:
-    times = np.array(arrivals, np.int64)
+def _summary(messages: Messages, fingerprint: int | None) -> ChannelSummary:
+    times = messages.arrival_us
     missing, jumps_us = np.zeros(0, np.int64), 0
     # Damaged bytes inside a message leave its frame intact, and no number to count by.
-    headers = [
-        data[:SMALLEST_MESSAGE]
-        for data in messages
-        if fingerprint and len(data) >= SMALLEST_MESSAGE and data.startswith(fingerprint)
-    ]
-    if headers:
-        raw = np.frombuffer(b"".join(headers), _HEADER)
-        times = raw["utime"].astype(np.int64)
-        sequence = raw["sequence"].astype(np.int64)
+    headers = messages.heads(messages.sizes >= SMALLEST_MESSAGE, _HEADER)
+    headers = headers[headers["fingerprint"] == fingerprint] if fingerprint else headers[:0]
+    if len(headers):
+        times = headers["utime"].astype(np.int64)
+        sequence = headers["sequence"].astype(np.int64)
         missing, jumps_us = _missing(sequence), _clock_jumps_us(times, sequence)
     first_us, last_us = int(times.min()), int(times.max())
     span_us = last_us - first_us - jumps_us

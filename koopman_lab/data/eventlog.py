@@ -180,12 +180,12 @@ def _frame_at(log: bytes, begin: int) -> Frame | None:
     stop = start + data_length
     if sync != SYNC_WORD or name_length > LONGEST_NAME or stop > len(log):
         return None
-    name = _channel_name(log[begin + HEADER.size : start])
+    name = channel_name(log[begin + HEADER.size : start])
     return Frame(number, timestamp_us, name, begin, start, stop) if name else None
 
 
 @lru_cache(maxsize=4096)
-def _channel_name(name: bytes) -> str:
+def channel_name(name: bytes) -> str:
     """Return the channel, or an empty string if this is no name."""
     try:
         text = name.decode()

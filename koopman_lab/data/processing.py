@@ -1,4 +1,4 @@
-"""From the poses of a segment to pairs of states and successors (paper, section 5.3).
+"""From the poses of a segment to pairs of states and successors (paper, section 5.2).
 
 Every function works on one segment alone, so that nothing of one input leaks into another.
 """

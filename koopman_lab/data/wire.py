@@ -6,11 +6,13 @@ Messages used for training have a fixed size, so that a whole channel is decoded
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from koopman_lab.data.messages import Messages
 
 StructuredArray = NDArray[np.void]
 
@@ -66,9 +68,7 @@ def native_dtype(message_type: Any) -> np.dtype[np.void]:
     )
 
 
-def decode_all(
-    message_type: Any, messages: Sequence[bytes]
-) -> tuple[StructuredArray, NDArray[np.intp]]:
+def decode_all(message_type: Any, messages: Messages) -> tuple[StructuredArray, NDArray[np.intp]]:
     """Decode the messages of a fixed-size type.
 
     Parameters
@@ -91,16 +91,18 @@ def decode_all(
     native = native_dtype(message_type)
     wire = wire_dtype(message_type)
     assert wire is not None  # by native_dtype
-    size, fingerprint = wire.itemsize, message_type._get_packed_fingerprint()
-    good = [len(data) == size and data.startswith(fingerprint) for data in messages]
-    raw = np.frombuffer(b"".join([d for d, ok in zip(messages, good, strict=True) if ok]), wire)
+    good = messages.sizes == wire.itemsize
+    raw = messages.heads(good, wire)
+    known = raw[_FINGERPRINT] == int.from_bytes(message_type._get_packed_fingerprint(), "big")
+    good[good] = known
+    raw = raw if known.all() else raw[known]
     decoded = np.empty(len(raw), native)
     for name in native.names or ():
         decoded[name] = raw[name]
-    return decoded, np.flatnonzero(~np.array(good, bool))
+    return decoded, np.flatnonzero(~good)
 
 
-def decode_each(message_type: Any, messages: Sequence[bytes]) -> tuple[list[Any], NDArray[np.intp]]:
+def decode_each(message_type: Any, messages: Iterable[bytes]) -> tuple[list[Any], NDArray[np.intp]]:
     """Decode messages of any type with the generated code; returns as :func:`decode_all`."""
     decoded = [_decode_one(message_type, data) for data in messages]
     good = [message for message in decoded if message is not None]

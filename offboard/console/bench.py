@@ -12,6 +12,7 @@ import typer
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import REST, Velocity
 from offboard.console import options
+from offboard.console.bench_dataset import dataset
 from offboard.console.terminal import err, out, progress
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from koopman_lab.bus.node import Port
 
 app = typer.Typer(help="Measure this machine and the lab.", no_args_is_help=True)
+app.command()(dataset)
 
 CHUNK_S = 1.0
 WARM_UP_S = 2.0

@@ -7,7 +7,7 @@ import sys
 import typer
 
 from koopman_lab.errors import LabError
-from offboard.console import bench, log, run
+from offboard.console import bench, dataset, figure, log, run
 from offboard.console.calibrate import calibrate
 from offboard.console.demo import demo
 from offboard.console.doctor import doctor
@@ -34,6 +34,8 @@ for command in (demo, up, calibrate, train, park, replay, rerun, estop, fault, d
     app.command()(command)
 app.add_typer(run.app, name="run")
 app.add_typer(log.app, name="log")
+app.add_typer(dataset.app, name="dataset")
+app.add_typer(figure.app, name="figure")
 app.add_typer(bench.app, name="bench")
 
 

@@ -13,6 +13,7 @@ import typer
 
 from koopman_lab.config.load import load_config
 from koopman_lab.config.schema import LabConfig, RobotKind
+from koopman_lab.errors import DataError
 from koopman_lab.geometry import Pose, wrap_angle
 
 if TYPE_CHECKING:
@@ -67,6 +68,19 @@ Out = Annotated[
 ]
 InLockstep = Annotated[
     bool, typer.Option("--lockstep", help="All in one process on virtual time, as fast as it goes.")
+]
+Window = Annotated[
+    int | None,
+    typer.Option("--window", min=1, help="Smoothing window of velocities, frames."),
+]
+SamplingTime = Annotated[
+    float | None, typer.Option("--dt", metavar="S", help="Sampling time of the model, s.")
+]
+Dictionary = Annotated[
+    str | None, typer.Option("--dictionary", metavar="D", help="D5t, D8Eul, D10m, D13t, D12f.")
+]
+Salvage = Annotated[
+    bool, typer.Option("--salvage", help="Use every intact event of a damaged log.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 
@@ -125,3 +139,23 @@ def pose_of(typed: tuple[float, float, float]) -> Pose:
     """Return a pose (m, m, rad) from what a person types (m, m, degrees)."""
     x1, x2, theta_deg = typed
     return Pose(x1, x2, wrap_angle(math.radians(theta_deg)))
+
+
+def parse_windows(text: str) -> list[int]:
+    """Return the windows that a person typed.
+
+    Raises
+    ------
+    DataError
+        If they are no whole numbers above 0.
+    """
+    try:
+        windows = [int(word) for word in text.split(",")]
+    except ValueError:
+        windows = [0]
+    if min(windows) < 1:
+        raise DataError(
+            f"--windows {text}: whole numbers of frames from 1 on, with commas between them, "
+            "for example --windows 1,10,40"
+        )
+    return windows

@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator
-from typing import Protocol
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+if TYPE_CHECKING:
+    from koopman_lab.data.eventlog import Damage
 
 out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
 
 PLAIN_PERIOD_S = 10.0
 """Without a terminal a line this often, and at the end."""
+
+
+def show_damage(file: Path, damage: Sequence[Damage]) -> None:
+    """Say how much of a log was passed over, if anything was."""
+    if damage:
+        err.print(f"{file}: {sum(d.size for d in damage)} damaged bytes passed over")
 
 
 class Report(Protocol):

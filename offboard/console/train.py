@@ -1,4 +1,4 @@
-"""`klab train`: from a session log to a model."""
+"""`klab train`: from a session log or a data set to a model."""
 
 from __future__ import annotations
 
@@ -8,50 +8,60 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from koopman_lab.config.schema import RobotKind
 from koopman_lab.errors import ModelError
 from offboard.console import options
-from offboard.console.terminal import err, out
+from offboard.console.terminal import err, out, show_damage
 
 if TYPE_CHECKING:
     from koopman_lab.koopman.train import TrainingReport
 
 
 def train(
-    session: Annotated[
-        Path, typer.Argument(metavar="SESSION_DIR_OR_LOG", help="From `klab calibrate`.")
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SOURCE",
+            help="A session, a data set .npz, or a folder of X_i.dat and Y_i.dat.",
+        ),
     ],
     model: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="Default: model.npz beside the log."),
+        typer.Option("--out", metavar="FILE", help="Default: model.npz beside the source."),
     ] = None,
-    dictionary: Annotated[
-        str | None, typer.Option("--dictionary", metavar="D", help="D5t, D8Eul, D10m, D13t, D12f.")
-    ] = None,
-    window: Annotated[
-        int | None, typer.Option("--window", min=1, help="Smoothing window of velocities, frames.")
-    ] = None,
-    dt_s: Annotated[
-        float | None, typer.Option("--dt", metavar="S", help="Sampling time of the model, s.")
-    ] = None,
-    salvage: Annotated[
-        bool, typer.Option("--salvage", help="Use every intact event of a damaged log.")
-    ] = False,
+    dictionary: options.Dictionary = None,
+    window: options.Window = None,
+    dt_s: options.SamplingTime = None,
+    robot: options.Robot = None,
+    salvage: options.Salvage = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Fit a bilinear Koopman model to a session; prints samples, rank, condition.
+    """Fit a bilinear Koopman model; prints samples, rank, condition.
+
+    A folder of .dat files from elsewhere needs --robot and --dt.
 
     Example: klab train runs/calibration --window 40 --out runs/model.npz
     """
-    learn(session, model, dictionary, window, dt_s, salvage=salvage, as_json=as_json)
+    learn(
+        source,
+        model,
+        dictionary,
+        window,
+        dt_s,
+        robot_kind=options.kind_of(robot),
+        salvage=salvage,
+        as_json=as_json,
+    )
 
 
 def learn(
-    session: Path,
+    source: Path,
     model: Path | None = None,
     dictionary: str | None = None,
     window: int | None = None,
     dt_s: float | None = None,
     *,
+    robot_kind: RobotKind | None = None,
     salvage: bool = False,
     as_json: bool = False,
 ) -> Path:
@@ -60,26 +70,21 @@ def learn(
     Raises
     ------
     LabError
-        If the session cannot be used, or does not excite the dictionary.
+        If the source cannot be used, or does not excite the dictionary.
     """
-    from koopman_lab.data.dataset import DataSet
-    from koopman_lab.data.decode import SessionLog
+    from koopman_lab.data.source import open_source
     from koopman_lab.koopman.train import train as fit
 
-    log = SessionLog(session, salvage=salvage)
-    name = dictionary or log.config().model.dictionary
-    dataset = DataSet.from_log(log, dt_s=dt_s, window=window)
-    learned, report = fit(dataset, name)
-    path = model if model is not None else log.path.with_name("model.npz")
+    opened = open_source(source, robot_kind=robot_kind, dt_s=dt_s, window=window, salvage=salvage)
+    learned, report = fit(opened.dataset, dictionary or opened.dictionary)
+    path = model if model is not None else opened.folder / "model.npz"
     try:
         learned.save(path)
     except OSError as error:
         raise ModelError(
             f"{path}: cannot be written ({error.strerror}); choose another file with --out"
         ) from None
-    if log.damage:
-        skipped = sum(d.size for d in log.damage)
-        err.print(f"{log.path}: {skipped} damaged bytes passed over")
+    show_damage(opened.file, opened.damage)
     if as_json:
         out.print_json(json.dumps(report.as_dict() | {"model": str(path)}))
     else:

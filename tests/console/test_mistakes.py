@@ -21,6 +21,11 @@ def runs(tmp_path_factory):
     (folder / "lab.yaml").write_text("controller:\n  horizont: 40\n")
     (folder / "range.yaml").write_text("controller:\n  horizon: -3\n")
     (folder / "broken.npz").write_bytes((folder / "model.npz").read_bytes()[:200])
+    klab_ok("dataset", "make", folder / "good", "--out", folder / "data.npz")
+    klab_ok("dataset", "export", folder / "data.npz", "--out", folder / "dat")
+    (folder / "theirs").mkdir()
+    for name in ("X_1.dat", "Y_1.dat", "X_2.dat"):
+        (folder / "theirs" / name).write_bytes((folder / "dat" / name).read_bytes())
     return folder
 
 
@@ -105,6 +110,50 @@ CASES = {
         ("calibrate", "--lockstep", "--out", "{runs}/good"),
         ("runs", "--out"),
     ),
+    "missing data set": (
+        ("train", "{runs}/none.npz"),
+        ("none.npz", "no such data set", "klab dataset make"),
+    ),
+    "a model is no data set": (
+        ("dataset", "info", "{runs}/model.npz"),
+        ("model.npz", "not a data set", "klab dataset make"),
+    ),
+    "another window of a set that is made": (
+        ("train", "{runs}/data.npz", "--window", "10", "--out", "{out}"),
+        ("data.npz", "--window 40, not 10", "session"),
+    ),
+    "a data set that would not be found again": (
+        ("dataset", "make", "{runs}/good", "--out", "{out}"),
+        ("out", "end in .npz", "--out"),
+    ),
+    "an incomplete folder": (
+        ("dataset", "import", "{runs}/theirs", "--robot", "kinematic", "--dt", "0.05"),
+        ("theirs", "lacks Y_2.dat"),
+    ),
+    "a folder that says nothing": (
+        ("train", "{runs}/theirs", "--out", "{out}"),
+        ("theirs", "--robot", "--dt"),
+    ),
+    "a folder of the other robot": (
+        ("dataset", "import", "{runs}/dat", "--robot", "dynamic"),
+        ("dat", "--robot kinematic, not dynamic"),
+    ),
+    "a folder in use": (
+        ("dataset", "export", "{runs}/data.npz", "--out", "{runs}/dat"),
+        ("dat: is not empty", "--out"),
+    ),
+    "no window changes the kinematic fit": (
+        ("dataset", "sweep", "{runs}/good", "--out", "{out}"),
+        ("session.lcm", "kinematic", "--robot dynamic"),
+    ),
+    "windows that are none": (
+        ("dataset", "sweep", "{runs}/good", "--windows", "10;40"),
+        ("--windows 10;40", "--windows 1,10,40"),
+    ),
+    "a window wider than every segment": (
+        ("figure", "samples", "{runs}/good", "--windows", "10,90000", "--out", "{out}"),
+        ("basis input 1", "90000", "--windows"),
+    ),
     "fault without a simulated robot": (
         ("fault", "occlusion", "--robot-name", "R9"),
         ("R9_PLANT_TRUTH is silent", "klab up"),
@@ -168,7 +217,9 @@ def test_doctor_is_content_here():
 @pytest.mark.parametrize(
     "command",
     ["demo", "up", "calibrate", "train", "park", "replay", "rerun", "estop", "fault", "doctor"]
-    + ["log info", "bench lockstep", "bench motor", "bench faults"]
+    + ["log info", "figure samples"]
+    + [f"bench {what}" for what in ("lockstep", "motor", "faults", "dataset", "realtime", "logger")]
+    + [f"dataset {what}" for what in ("make", "info", "export", "import", "sweep")]
     + [f"run {node}" for node in ("plant", "onboard", "logger", "sampler", "controller")],
 )
 def test_help_shows_a_worked_example(command):

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import lcmtypes
+from koopman_lab.data.messages import Messages
 from koopman_lab.data.segments import basis_runs, cut
 from koopman_lab.data.wire import decode_all, native_dtype
 
@@ -21,7 +22,7 @@ def sampler(*rows):
         state.utime, state.sequence, state.phase = 50 * MS * count, count, phase
         state.segment, state.basis_index, state.u1, state.u2 = segment, index, 0.1 * index, 0.5
         made.append(state.encode())
-    return decode_all(lcmtypes.sampler_state_t, made)[0]
+    return decode_all(lcmtypes.sampler_state_t, Messages.joined(made))[0]
 
 
 def camera(count, step_us=4 * MS):

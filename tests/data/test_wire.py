@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import lcmtypes
 from koopman_lab.bus.channels import CHANNELS
+from koopman_lab.data.messages import Messages
 from koopman_lab.data.wire import decode_all, decode_each, native_dtype, wire_dtype
 
 TYPES = sorted({channel.type for channel in CHANNELS}, key=lambda t: t.__name__)
@@ -35,7 +36,7 @@ def messages(draw):
 @given(messages())
 def test_arrays_hold_what_the_generated_code_decodes(kind_and_messages):
     kind, made = kind_and_messages
-    array, bad = decode_all(kind, [m.encode() for m in made])
+    array, bad = decode_all(kind, Messages.joined(m.encode() for m in made))
     assert array.dtype.names == tuple(kind.__slots__)
     assert len(bad) == 0
     for row, message in zip(array, made, strict=True):
@@ -72,7 +73,7 @@ class WithArrays:
 
 def test_fixed_arrays_become_subarrays():
     data = b"\1" * 8 + struct.pack(">q6f", -5, *range(6))
-    array, bad = decode_all(WithArrays, [data, data])
+    array, bad = decode_all(WithArrays, Messages.joined([data, data]))
     assert len(bad) == 0
     assert array["after"].tolist() == [-5, -5]
     assert array["image"].tolist() == [[[0, 1, 2], [3, 4, 5]]] * 2
@@ -87,7 +88,7 @@ def spoilt():
 
 def test_messages_of_another_size_or_fingerprint_are_left_out_and_named():
     data, wrong = spoilt()
-    array, bad = decode_all(lcmtypes.mocap_pose_t, data)
+    array, bad = decode_all(lcmtypes.mocap_pose_t, Messages.joined(data))
     assert bad.tolist() == wrong
     assert array["utime"].tolist() == [7, 7]
 

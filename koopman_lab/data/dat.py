@@ -1,0 +1,250 @@
+"""The published form of a data set: a folder of X_i.dat and Y_i.dat, i the basis input.
+
+So are the sets of DOI 10.18419/DARUS-4538 laid out. What their files hold exactly is not known
+here; when shapes do not fit, the message says what was found. A folder that :func:`write_folder`
+made also says robot, sampling time, and the run and time of each pair; others need not.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from koopman_lab.config.load import load_config
+from koopman_lab.config.schema import RobotKind
+from koopman_lab.data.dataset import DataSet
+from koopman_lab.errors import DataError
+from koopman_lab.files import replacing, replacing_folder, write_json
+from koopman_lab.geometry import TAU, wrap_angle
+from koopman_lab.robot.models import nominal_model
+
+Array = NDArray[np.float64]
+HEADER = "dataset.json"
+EXACT, WHOLE = "%.17g", "%d"
+"""Formats that lose no bit."""
+_NAME = re.compile(r"([XY])_(\d+)\.dat")
+
+
+def is_folder(path: Path) -> bool:
+    """Return whether this is a folder of such files."""
+    return path.is_dir() and any(_NAME.fullmatch(entry.name) for entry in path.iterdir())
+
+
+def write_folder(dataset: DataSet, folder: Path) -> None:
+    """Write X_i.dat and Y_i.dat, a row for each pair, and what else the data set knows.
+
+    Beside them ``pairs_i.dat`` with the run and the time (us) of each pair, and ``dataset.json``.
+    The folder appears whole or not at all.
+
+    Raises
+    ------
+    DataError
+        If there is something in the folder.
+    OSError
+        If it cannot be written.
+    """
+    if folder.is_dir() and any(folder.iterdir()):
+        raise DataError(f"{folder}: is not empty; choose another folder with --out")
+    header = {
+        "robot_kind": dataset.robot_kind,
+        "dt_s": dataset.dt_s,
+        "basis_inputs": {str(i): u.tolist() for i, u in sorted(dataset.basis_inputs.items())},
+        "metadata": dict(dataset.metadata),
+    }
+    with replacing_folder(folder) as place:
+        for index in sorted(dataset.basis_inputs):
+            origin = np.column_stack([dataset.segments[index], dataset.start_us[index]])
+            _write(place / f"X_{index}.dat", dataset.X[index], EXACT)
+            _write(place / f"Y_{index}.dat", dataset.Y[index], EXACT)
+            _write(place / f"pairs_{index}.dat", origin, WHOLE)
+        write_json(place / HEADER, header)
+
+
+def read_folder(
+    folder: Path,
+    robot_kind: RobotKind | None = None,
+    dt_s: float | None = None,
+    basis_inputs: Mapping[int, Sequence[float]] | None = None,
+) -> DataSet:
+    """Read a folder of X_i.dat and Y_i.dat.
+
+    Whether a pair is a row or a column is told by the number of states, for all files together.
+    Angles of Y are continued from those of X, and both shifted so that X lies in (-pi, pi].
+
+    Parameters
+    ----------
+    folder
+        Holds the files.
+    robot_kind, dt_s
+        Whose states, and the time from X to Y (s); needed where the folder does not say them.
+    basis_inputs
+        In place of those the folder says, or else of those of the paper, by index. Files of i = 0
+        may be there or not for the kinematic robot, and are of zero input.
+
+    Raises
+    ------
+    DataError
+        If files are missing, hold no numbers, or do not fit together.
+    """
+    if not is_folder(folder):
+        raise DataError(f"{folder}: holds no X_i.dat; give a folder of X_i.dat and Y_i.dat")
+    header = _header(folder)
+    for said, flag, given in (("robot_kind", "--robot", robot_kind), ("dt_s", "--dt", dt_s)):
+        if given is not None and said in header and header[said] != given:
+            raise DataError(f"{folder}: is of {flag} {header[said]}, not {given}; leave out {flag}")
+    kind: RobotKind | None = header.get("robot_kind", robot_kind)
+    dt_s = header.get("dt_s", dt_s)
+    if kind is None or dt_s is None:
+        raise DataError(
+            f"{folder}: does not say its robot and sampling time; say --robot kinematic or "
+            "--robot dynamic, and --dt with the seconds from X to Y"
+        )
+    if not 0.0 < dt_s < float("inf"):
+        raise DataError(f"{folder}: sampling time {dt_s} s; say the seconds from X to Y with --dt")
+    inputs = _inputs(folder, kind, basis_inputs or header.get("basis_inputs"))
+    files = {
+        (letter, index): _read(folder / f"{letter}_{index}.dat")
+        for index in inputs
+        for letter in "XY"
+    }
+    pairs = _as_rows(folder, files, kind, known=bool(header))
+    X, Y, segments, start_us = {}, {}, {}, {}
+    shifted = 0
+    for index in inputs:
+        x, y = pairs["X", index], pairs["Y", index]
+        if x.shape != y.shape:
+            raise DataError(
+                f"{folder}: X_{index}.dat holds {len(x)} states, Y_{index}.dat {len(y)}; "
+                "each state of X needs its successor in Y"
+            )
+        X[index], Y[index], changed = _continued(x, y)
+        shifted += changed
+        segments[index], start_us[index] = _origin(folder / f"pairs_{index}.dat", len(x))
+    metadata = header.get("metadata") or {
+        "imported_from": folder.name,
+        "segments_known": (folder / f"pairs_{min(inputs)}.dat").exists(),
+        "angles_shifted": shifted,
+    }
+    return DataSet(
+        X, Y, segments, start_us, {i: np.array(u) for i, u in inputs.items()}, dt_s, kind, metadata
+    )
+
+
+def _write(path: Path, rows: NDArray[Any], numbers: str) -> None:
+    with replacing(path) as file:
+        np.savetxt(file, rows, fmt=numbers)
+
+
+def _header(folder: Path) -> dict[str, Any]:
+    path = folder / HEADER
+    if not path.exists():
+        return {}
+    try:
+        header = json.loads(path.read_text())
+        inputs = {int(i): (float(u), float(w)) for i, (u, w) in header["basis_inputs"].items()}
+        if header["robot_kind"] not in ("kinematic", "dynamic"):
+            raise ValueError
+        found = {"dt_s": float(header["dt_s"]), "metadata": dict(header["metadata"])}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        raise DataError(f"{path}: damaged; remove it, and say --robot and --dt instead") from None
+    return found | {"robot_kind": header["robot_kind"], "basis_inputs": inputs}
+
+
+def _inputs(
+    folder: Path, kind: RobotKind, said: Mapping[int, Sequence[float]] | None
+) -> dict[int, Sequence[float]]:
+    """Return the basis inputs by index, after a look at which files there are."""
+    inputs = dict(said or load_config(robot=kind).sampler.indexed_inputs)
+    names = {entry.name for entry in folder.iterdir() if _NAME.fullmatch(entry.name)}
+    if 0 not in inputs and "X_0.dat" in names:
+        inputs = {0: (0.0, 0.0)} | inputs
+    wanted = {f"{letter}_{index}.dat" for index in inputs for letter in "XY"}
+    for trouble, those in (("lacks", wanted - names), ("has no basis input for", names - wanted)):
+        if those:
+            raise DataError(
+                f"{folder}: {trouble} {', '.join(sorted(those))}; a data set of the {kind} robot "
+                f"is {', '.join(sorted(wanted))} (see --robot)"
+            )
+    return inputs
+
+
+def _read(path: Path) -> Array:
+    """Return the table that a file holds, (0, 0) if it is empty."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        # Whoever wrote it may have put commas, semicolons or tabs between the numbers.
+        text = text.translate(str.maketrans(",;\t", "   "))
+        if not text.strip():
+            return np.zeros((0, 0))
+        table = np.loadtxt(io.StringIO(text), ndmin=2, comments=("#", "%"))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})") from None
+    except ValueError as error:  # also where the bytes are no text
+        raise DataError(f"{path}: not a table of numbers ({error})") from None
+    if not np.isfinite(table).all():
+        row, column = np.argwhere(~np.isfinite(table))[0]
+        raise DataError(
+            f"{path}: {table[row, column]} in row {row + 1}, column {column + 1}; "
+            "leave such pairs out of X and Y"
+        )
+    return table
+
+
+def _as_rows(
+    folder: Path, files: Mapping[tuple[str, int], Array], kind: RobotKind, *, known: bool
+) -> dict[tuple[str, int], Array]:
+    """Return every table with a state in each row (d, n); where that is ``known`` it must be so."""
+    names = nominal_model(kind).state_names
+    n = len(names)
+    filled = {key: table for key, table in files.items() if table.size}
+    rows = all(table.shape[1] == n for table in filled.values())
+    columns = all(table.shape[0] == n for table in filled.values()) and not (known and rows)
+    if rows == columns and filled:
+        found = ", ".join(
+            f"{letter}_{index}.dat {t.shape[0]} by {t.shape[1]}"
+            for (letter, index), t in files.items()
+        )
+        reason = "both rows and columns" if rows else "neither all rows nor all columns"
+        raise DataError(
+            f"{folder}: {reason} hold {n} numbers ({', '.join(names)} of the {kind} robot); found "
+            f"{found}; see --robot, and leave out what else the files hold, such as times"
+        )
+    return {
+        key: np.zeros((0, n)) if not t.size else np.ascontiguousarray(t if rows else t.T)
+        for key, t in files.items()
+    }
+
+
+def _continued(x: Array, y: Array) -> tuple[Array, Array, int]:
+    """Return X and Y with the angles as they should be, and how many pairs that changed."""
+    theta_x = x[:, 2]
+    turns_x = np.rint((theta_x - wrap_angle(theta_x)) / TAU)
+    # In one sampling time the robot turns by far less than half a turn.
+    turns_y = turns_x + np.rint((y[:, 2] - theta_x) / TAU)
+    x, y = x.copy(), y.copy()
+    x[:, 2] -= TAU * turns_x
+    y[:, 2] -= TAU * turns_y
+    return x, y, int(np.count_nonzero((turns_x != 0.0) | (turns_y != 0.0)))
+
+
+def _origin(path: Path, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the run and the time of each pair; all of one run at no known time if not said."""
+    if not path.exists():
+        return np.zeros(count, np.int64), np.zeros(count, np.int64)
+    try:
+        table = np.loadtxt(path, np.int64, ndmin=2) if path.stat().st_size else np.zeros((0, 2))
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: not a table of whole numbers ({error})") from None
+    if table.shape != (count, 2):
+        raise DataError(
+            f"{path}: {table.shape[0]} by {table.shape[1]} numbers, expected {count} by 2 (run and "
+            "time of each pair); remove the file if it is not of this data set"
+        )
+    return table[:, 0].astype(np.int64), table[:, 1].astype(np.int64)

@@ -1,0 +1,94 @@
+"""What a session recorded: its configuration, its runs, and their segments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from koopman_lab.bus.channels import MOCAP_POSE, SAMPLER_STATE
+from koopman_lab.config.schema import LabConfig, Processing
+from koopman_lab.data.collect import check_frames, check_runs
+from koopman_lab.data.decode import SessionLog
+from koopman_lab.data.segments import Run, Segment, basis_runs, cut
+from koopman_lab.errors import DataError
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A calibration session as data sets and figures need it.
+
+    Attributes
+    ----------
+    path
+        The log.
+    config
+        Of the lab that recorded it.
+    robot_name
+        Whose it is.
+    settings
+        How it is processed.
+    runs, segments
+        In order of time.
+    """
+
+    path: Path
+    config: LabConfig
+    robot_name: str
+    settings: Processing
+    runs: list[Run]
+    segments: list[Segment]
+
+    def of(self, basis_index: int) -> list[Segment]:
+        """Return the segments under one basis input."""
+        return [s for s in self.segments if s.run.basis_index == basis_index]
+
+
+def recording(
+    log: SessionLog,
+    config: LabConfig | None = None,
+    *,
+    dt_s: float | None = None,
+    window: int | None = None,
+) -> Recording:
+    """Cut a session into segments.
+
+    Parameters
+    ----------
+    log
+        The session.
+    config
+        In place of the configuration that the log says.
+    dt_s, window
+        In place of ``processing.dt_s`` and ``processing.smoothing_window``.
+
+    Raises
+    ------
+    LogError
+        If the log cannot be used or does not say its configuration.
+    ConfigError
+        If the configuration in the log is not valid.
+    DataError
+        If the log holds no run of a basis input or is of another configuration.
+    """
+    config = log.config() if config is None else config
+    settings = _settings(config.processing, dt_s, window)
+    frames, runs = log.array(MOCAP_POSE), basis_runs(log.array(SAMPLER_STATE))
+    rate_hz, inputs = config.mocap.rate_hz, config.sampler.indexed_inputs
+    check_runs(f"{log.path}, {SAMPLER_STATE.name(log.robot_name)}", runs, inputs)
+    check_frames(f"{log.path}, {MOCAP_POSE.name(log.robot_name)}", frames["utime"], rate_hz)
+    segments = cut(
+        runs,
+        frames,
+        frame_rate_hz=rate_hz,
+        discard_start_s=settings.discard_start_s,
+        discard_end_s=settings.discard_end_s,
+    )
+    return Recording(log.path, config, log.robot_name, settings, runs, segments)
+
+
+def _settings(processing: Processing, dt_s: float | None, window: int | None) -> Processing:
+    dt_s = processing.dt_s if dt_s is None else dt_s
+    window = processing.smoothing_window if window is None else window
+    if not (0.0 < dt_s < float("inf") and window >= 1):
+        raise DataError(f"dt {dt_s} s, window {window}: dt must be above 0, the window at least 1")
+    return processing.model_copy(update={"dt_s": dt_s, "smoothing_window": window})

@@ -1,0 +1,98 @@
+"""A data set from whatever a person has: a session, a data set file, a folder of .dat files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from koopman_lab.config.load import load_config
+from koopman_lab.config.schema import RobotKind
+from koopman_lab.data.dat import is_folder, read_folder
+from koopman_lab.data.dataset import DataSet
+from koopman_lab.data.decode import SessionLog
+from koopman_lab.data.eventlog import Damage
+from koopman_lab.errors import DataError
+
+ENDING = ".npz"
+
+
+class Source(NamedTuple):
+    """A data set and where it comes from.
+
+    ``dictionary`` is that of the session's configuration, or of the robot's defaults; ``folder``
+    is where things made of the data belong; ``damage`` is what was passed over in a log.
+    """
+
+    dataset: DataSet
+    dictionary: str
+    file: Path
+    folder: Path
+    damage: list[Damage]
+
+
+def open_source(
+    path: Path,
+    *,
+    robot_kind: RobotKind | None = None,
+    dt_s: float | None = None,
+    window: int | None = None,
+    salvage: bool = False,
+) -> Source:
+    """Return the data set of a session, a file of :meth:`DataSet.save`, or a folder of .dat files.
+
+    Parameters
+    ----------
+    path
+        A log, the folder that holds ``session.lcm``, a ``.npz`` file, or a folder of X_i.dat.
+    robot_kind
+        Whose states a folder of .dat files holds, where it does not say so.
+    dt_s, window
+        Sampling time (s) and smoothing window (frames) in place of the session's.
+    salvage
+        Pass over what is damaged in a log.
+
+    Raises
+    ------
+    LabError
+        If it cannot be read, or a data set that is already made is asked for with another
+        sampling time, window or robot.
+    """
+    if is_folder(path):
+        dataset = read_folder(path, robot_kind, dt_s)
+        file, folder = path, path
+    elif path.suffix == ENDING:
+        dataset = DataSet.load(path)
+        file, folder = path, path.parent
+    else:
+        log = SessionLog(path, salvage=salvage)
+        config = log.config()
+        dataset = DataSet.from_log(log, config, dt_s=dt_s, window=window)
+        _check(log.path, dataset, robot_kind, dt_s, window)
+        return Source(dataset, config.model.dictionary, log.path, log.path.parent, log.damage)
+    _check(path, dataset, robot_kind, dt_s, window)
+    name = load_config(robot=dataset.robot_kind).model.dictionary
+    return Source(dataset, name, file, folder, [])
+
+
+def window_of(dataset: DataSet) -> int | None:
+    """Return the smoothing window (frames) that a data set says, None if it says none."""
+    processing = dataset.metadata.get("processing")
+    return processing.get("smoothing_window") if isinstance(processing, dict) else None
+
+
+def _check(
+    path: Path,
+    dataset: DataSet,
+    robot_kind: RobotKind | None,
+    dt_s: float | None,
+    window: int | None,
+) -> None:
+    made = {"--robot": dataset.robot_kind, "--dt": dataset.dt_s, "--window": window_of(dataset)}
+    asked = {"--robot": robot_kind, "--dt": dt_s, "--window": window}
+    for flag, value in asked.items():
+        if value is not None and value != made[flag]:
+            known = "unknown" if made[flag] is None else made[flag]
+            raise DataError(
+                f"{path}: its data are of {flag} {known}, not {value}; leave out {flag} (only a "
+                "session can be processed in another way)"
+            )

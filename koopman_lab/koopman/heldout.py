@@ -1,0 +1,133 @@
+"""Errors of a model on segments that it was not trained with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from koopman_lab.data.dataset import DataSet
+from koopman_lab.geometry import wrap_angle
+from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.units import US_PER_S
+
+Array = NDArray[np.float64]
+EVERY = 5
+"""Every fifth run of each basis input is held out."""
+LARGEST_TIME_ERROR = 0.01
+"""In sampling times: what counts as the same time."""
+MOST_STARTS = 2000
+"""Of predictions for each basis input; more change nothing."""
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Of predictions ``steps`` sampling times ahead, from ``starts`` states.
+
+    Mean and largest distance (m), mean and largest difference of the angle (rad), and of v (m/s)
+    and omega (rad/s) the mean difference, None for the kinematic robot.
+    """
+
+    steps: int
+    starts: int
+    position_mean_m: float
+    position_max_m: float
+    angle_mean_rad: float
+    angle_max_rad: float
+    v_mean_m_per_s: float | None
+    omega_mean_rad_per_s: float | None
+
+
+Runs = dict[int, NDArray[np.int64]]
+"""By basis index: numbers of runs (k,)."""
+
+
+def held_out_runs(dataset: DataSet, every: int = EVERY) -> Runs:
+    """Return every ``every``-th run of each basis input."""
+    return {i: np.unique(numbers)[every - 1 :: every] for i, numbers in dataset.segments.items()}
+
+
+def split(dataset: DataSet, held: Runs) -> tuple[DataSet, DataSet]:
+    """Return the data set without, and with only, these runs."""
+    inside = {i: np.isin(numbers, held[i]) for i, numbers in dataset.segments.items()}
+    return only(dataset, {i: ~mask for i, mask in inside.items()}), only(dataset, inside)
+
+
+def only(dataset: DataSet, chosen: dict[int, NDArray[np.bool_]]) -> DataSet:
+    """Return the data set with the chosen pairs (d,) of each basis input."""
+    return replace(
+        dataset,
+        X={i: x[chosen[i]] for i, x in dataset.X.items()},
+        Y={i: y[chosen[i]] for i, y in dataset.Y.items()},
+        segments={i: s[chosen[i]] for i, s in dataset.segments.items()},
+        start_us={i: s[chosen[i]] for i, s in dataset.start_us.items()},
+    )
+
+
+def errors(model: BilinearModel, dataset: DataSet, steps: int) -> Errors | None:
+    """Return the errors of predictions over runs of a data set; None if no run is long enough.
+
+    The state after ``steps`` sampling times is the successor of the one that ``steps - 1`` later
+    began a pair of the same run.
+
+    Parameters
+    ----------
+    model
+        What predicts, with reprojection.
+    dataset
+        Has runs of the basis inputs.
+    steps
+        How far ahead, at least 1.
+    """
+    differences = [np.zeros((0, model.state_dim))]
+    for index, u in dataset.basis_inputs.items():
+        starts, ends = _matched(dataset, index, steps)
+        if not len(starts):
+            continue
+        x0, x_end = dataset.X[index][starts], dataset.Y[index][ends]
+        inputs = np.broadcast_to(u, (len(x0), steps, 2))
+        differences.append(model.predict(x0, inputs)[:, -1] - x_end)
+    found = np.concatenate(differences)
+    if not len(found):
+        return None
+    distance, angle = np.hypot(found[:, 0], found[:, 1]), np.abs(wrap_angle(found[:, 2]))
+    v, omega = (
+        (float(np.mean(np.abs(column))) for column in found[:, 3:].T)
+        if model.state_dim > 3
+        else (None, None)
+    )
+    return Errors(
+        steps,
+        len(found),
+        float(distance.mean()),
+        float(distance.max()),
+        float(angle.mean()),
+        float(angle.max()),
+        v,
+        omega,
+    )
+
+
+def _matched(dataset: DataSet, index: int, steps: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return pairs (k,) and those (k,) that begin ``steps - 1`` sampling times later."""
+    times = dataset.start_us[index]
+    starts = np.arange(len(times))
+    ends = starts
+    if steps > 1 and len(times):
+        dt_us = dataset.dt_s * US_PER_S
+        ahead_us = round((steps - 1) * dt_us)
+        # One number line for all runs, so far apart that none reaches into the next.
+        apart_us = 2 * (int(np.ptp(times)) + ahead_us + 1)
+        _, runs = np.unique(dataset.segments[index], return_inverse=True)
+        keys = runs * apart_us + (times - times.min())
+        order = np.argsort(keys, kind="stable")
+        wanted = keys + ahead_us
+        after = np.searchsorted(keys, wanted, sorter=order)
+        later = order[np.minimum(after, len(order) - 1)]
+        earlier = order[np.maximum(after - 1, 0)]
+        nearer = np.abs(keys[earlier] - wanted) < np.abs(keys[later] - wanted)
+        ends = np.where(nearer, earlier, later)
+        starts = np.flatnonzero(np.abs(keys[ends] - wanted) <= LARGEST_TIME_ERROR * dt_us)
+    starts = starts[:: 1 + len(starts) // MOST_STARTS]
+    return starts, ends[starts]
