@@ -104,6 +104,9 @@ def _unbroken(log: bytes) -> dict[str, Messages] | None:
             return None
         begins, sizes, starts, stops = begins[chain], sizes[chain], starts[chain], stops[chain]
         headers = headers[chain]
+        # Or a damaged length reaches over whole events, which their numbers tell.
+        if np.any(np.diff(headers["number"].astype(np.int64)) != 1):
+            return None
     if sizes.min() < 1 or sizes.max() > LONGEST_NAME:
         return None
     arrival_us = headers["time"].astype(np.int64)

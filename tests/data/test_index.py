@@ -82,6 +82,17 @@ def test_a_damaged_log_gives_what_stepping_through_it_gives(tmp_path_factory, ev
         assert outcome(at_once, *arguments) == outcome(stepwise, *arguments)
 
 
+def test_a_length_that_reaches_just_to_a_later_event_swallows_none(tmp_path):
+    path = write(tmp_path, [("A", bytes(12), time_us) for time_us in range(6)])
+    content = bytearray(path.read_bytes())
+    size = len(content) // 6
+    # The data of the second event now seem to end where the fifth begins.
+    content[size + 24 : size + 28] = (12 + 2 * size).to_bytes(4, "big")
+    found = at_once(path, bytes(content), True)
+    assert found == stepwise(path, bytes(content), True)
+    assert [time_us for _, time_us in found["A"]] == [0, 2, 3, 4, 5]
+
+
 def test_a_log_of_very_many_channels_is_read_too(tmp_path):
     events = [(f"C{number:04}", b"x", number) for number in range(300)]
     path = write(tmp_path, events)
