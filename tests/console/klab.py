@@ -9,6 +9,9 @@ from pathlib import Path
 
 KLAB = [sys.executable, "-m", "offboard.console.main"]
 LIMIT_S = 150.0
+REFERENCE = Path(__file__).parents[2] / "tests" / "data" / "reference"
+MODEL = REFERENCE / "model.npz"
+"""Of the kinematic robot, from a whole session; made by scripts/reference."""
 
 SMALL_AREA = [
     *("--set", "sampler.draw_set.x1_m=[0.4, 0.8]"),

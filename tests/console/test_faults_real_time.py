@@ -4,7 +4,7 @@ import os
 import signal
 
 import pytest
-from klab import SMALL_AREA, alive, klab_ok, start_klab
+from klab import MODEL, SMALL_AREA, alive, klab_ok, start_klab
 
 from koopman_lab.bus.channels import HEARTBEATS, PLANT_TRUTH
 from koopman_lab.bus.realtime import Listener
@@ -72,14 +72,6 @@ class Witness:
         return max((s.utime - struck_us) * 1e-6 for s in self.sights if not is_at_rest(s))
 
 
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("runs")
-    klab_ok("calibrate", "--lockstep", "--segments", "3", "--out", folder / "session")
-    klab_ok("train", folder / "session", "--out", folder / "model.npz")
-    return folder / "model.npz"
-
-
 @pytest.fixture
 def witness(bus_url):
     """Run a robot that no session owns: it stays when the session has ended."""
@@ -110,8 +102,8 @@ def start(witness, tmp_path):
         process.stdout.close()
 
 
-def test_the_controller_is_killed_while_parking(witness, start, model):
-    session = start("park", "--model", model, *PARK)
+def test_the_controller_is_killed_while_parking(witness, start):
+    session = start("park", "--model", MODEL, *PARK)
     struck_us = witness.kill("controller")
     code, said = witness.end_of(session)
     assert (code, said.count("klab: ")) == (2, 1)
@@ -138,8 +130,8 @@ def test_the_onboard_loop_is_killed_while_calibrating(witness, start):
     assert witness.moved_for_s(struck_us) <= by_driver(witness.config) + BUSY_S
 
 
-def test_the_radio_is_cut_while_parking(witness, start, model):
-    session = start("park", "--model", model, *PARK)
+def test_the_radio_is_cut_while_parking(witness, start):
+    session = start("park", "--model", MODEL, *PARK)
     assert klab_ok("fault", "radio-cut", "--duration-s", "inf") == ""
     code, said = witness.end_of(session)
     assert code == 1

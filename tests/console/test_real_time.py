@@ -9,7 +9,7 @@ from pathlib import Path
 
 import lcm
 import pytest
-from klab import KLAB, NO_RADIO_LOSS, SMALL_AREA, alive, klab, klab_json, klab_ok, start_klab
+from klab import KLAB, MODEL, NO_RADIO_LOSS, SMALL_AREA, alive, klab, klab_json, klab_ok, start_klab
 
 import lcmtypes
 from koopman_lab.bus import realtime
@@ -18,6 +18,8 @@ from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
 from koopman_lab.data.eventlog import read_events
 
+LARGEST_SHARE_MISSED = 0.005
+"""Of lcm-logger, on a machine that other tests keep busy; `klab bench logger` counts it alone."""
 STANDING = ("plant", "onboard", "logger")
 MOST_WAITS = 600
 WAIT_S = 0.05
@@ -142,11 +144,8 @@ def recorded(path: Path) -> dict[str, list[bytes]]:
     return channels
 
 
-def holds_run(long: list[bytes], short: list[bytes]) -> bool:
-    """Return whether ``short`` stands in ``long`` without a gap."""
-    return any(
-        long[i : i + len(short)] == short for i, first in enumerate(long) if first == short[0]
-    )
+def last_index(messages: list[bytes], wanted: bytes) -> int:
+    return len(messages) - 1 - messages[::-1].index(wanted)
 
 
 def test_session_beside_lcm_logger_replayed_by_lcm_logplayer(bus_url, tmp_path):
@@ -157,7 +156,7 @@ def test_session_beside_lcm_logger_replayed_by_lcm_logplayer(bus_url, tmp_path):
     peer = subprocess.Popen(
         [tool("lcm-logger"), f"--lcm-url={url}", "--quiet", str(theirs)],
         stdout=subprocess.DEVNULL,
-        # It keeps 30 messages, which is too few where others push it aside.
+        # As our own, or others push it aside.
         preexec_fn=realtime.ask_for_priority,
     )
     try:
@@ -172,8 +171,16 @@ def test_session_beside_lcm_logger_replayed_by_lcm_logplayer(bus_url, tmp_path):
     # LCM sends this one by itself, whenever somebody opens the bus.
     peers.pop("LCM_SELF_TEST", None)
     assert mine.keys() == peers.keys()
+    missed = 0
     for channel, messages in mine.items():
-        assert holds_run(peers[channel], messages), channel
+        # Of ours nothing may be missing. lcm-logger began before and ended after us; it keeps no
+        # more than 30 messages, which a stall of the machine fills in 50 ms.
+        theirs_too = set(peers[channel])
+        both = [message for message in messages if message in theirs_too]
+        first, last = peers[channel].index(both[0]), last_index(peers[channel], both[-1])
+        assert both == peers[channel][first : last + 1], channel
+        missed += len(messages) - len(both)
+    assert missed <= LARGEST_SHARE_MISSED * sum(map(len, mine.values()))
 
     for node in ("sampler", "onboard"):
         again = klab_json("rerun", ours.parent, "--node", node)
@@ -205,11 +212,9 @@ def test_session_beside_lcm_logger_replayed_by_lcm_logplayer(bus_url, tmp_path):
 def test_parking_on_a_lab_that_is_up(up, ear, tmp_path):
     """`klab park` uses the processes that run already and leaves them running."""
     del up
-    session, model, out = tmp_path / "session", tmp_path / "model.npz", tmp_path / "park"
-    klab_ok("calibrate", "--lockstep", "--out", session)
-    klab_ok("train", session, "--out", model)
+    out = tmp_path / "park"
     ear.pids.clear()
-    klab_ok("park", "--model", model, "--start", "-0.4", "0.1", "20", "--out", out)
+    klab_ok("park", "--model", MODEL, "--start", "-0.4", "0.1", "20", "--out", out)
     summary = json.loads((out / "summary.json").read_text())
     assert summary["parked"]
     assert summary["mocap_messages_lost"] == 0

@@ -1,17 +1,14 @@
 """One node once more on recorded inputs: the regression test for every change of a node."""
 
 import json
-from pathlib import Path
 
 import pytest
-from klab import SMALL_AREA, klab, klab_ok
+from klab import MODEL, REFERENCE, SMALL_AREA, klab, klab_ok
 
 from koopman_lab.bus.channels import SAMPLER_STATE
 from koopman_lab.data.eventlog import read_events
 from koopman_lab.data.logwriter import EventLogWriter
 
-REFERENCE = Path(__file__).parents[1] / "data" / "reference"
-MODEL = REFERENCE / "model.npz"
 SPOKEN = {
     "sampler": {"SAMPLER_HEARTBEAT", "SAMPLER_STATE", "SESSION_INFO", "TIME_PONG", "VELOCITY_CMD"},
     "controller": {

@@ -4,7 +4,7 @@ import json
 import subprocess
 
 import pytest
-from klab import NO_RADIO_LOSS, SMALL_AREA, klab, klab_ok, start_klab
+from klab import MODEL, NO_RADIO_LOSS, SMALL_AREA, klab, klab_ok, start_klab
 
 from koopman_lab.bus.channels import HEARTBEATS
 from koopman_lab.bus.realtime import Listener
@@ -12,14 +12,6 @@ from koopman_lab.config.load import load_config
 
 MOST_WAITS = 600
 WAIT_S = 0.05
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("runs")
-    klab_ok("calibrate", "--lockstep", "--out", folder / "session")
-    klab_ok("train", folder / "session", "--out", folder / "model.npz")
-    return folder / "model.npz"
 
 
 @pytest.fixture
@@ -45,10 +37,10 @@ def start(bus_url):
         process.communicate(timeout=30)
 
 
-def test_silent_cameras_are_said_and_not_waited_for(start, model, tmp_path):
+def test_silent_cameras_are_said_and_not_waited_for(start, tmp_path):
     """The onboard loop's heartbeats go on all the while."""
     start("run", "onboard", until={"onboard"})
-    done = klab("park", "--model", model, "--out", tmp_path / "park")
+    done = klab("park", "--model", MODEL, "--out", tmp_path / "park")
     assert done.returncode == 2, done.stderr
     assert "R1_MOCAP_POSE: silent" in done.stderr
     assert not (tmp_path / "park" / "summary.json").exists()
@@ -61,19 +53,21 @@ def test_the_logger_of_a_lab_that_is_up_is_not_taken_for_loss(start, tmp_path):
     assert json.loads((out / "summary.json").read_text())["messages_lost"] == 0
 
 
-def test_a_model_file_that_cannot_be_written_is_said(model, tmp_path):
+def test_a_model_file_that_cannot_be_written_is_said(tmp_path_factory, tmp_path):
+    session = tmp_path_factory.mktemp("runs") / "session"
+    klab_ok("calibrate", "--lockstep", "--segments", "3", "--out", session, *SMALL_AREA)
     (tmp_path / "in-the-way").mkdir()
-    done = klab("train", model.parent / "session", "--out", tmp_path / "in-the-way")
+    done = klab("train", session, "--out", tmp_path / "in-the-way")
     assert done.returncode == 2
     assert "in-the-way: cannot be written" in done.stderr
     assert "--out" in done.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["in-the-way"]
 
 
-def test_a_model_of_another_sampling_time_leaves_no_run(model, tmp_path):
+def test_a_model_of_another_sampling_time_leaves_no_run(tmp_path):
     out = tmp_path / "park"
     done = klab(
-        *("park", "--model", model, "--set", "controller.dt_s=0.1"), *("--lockstep", "--out", out)
+        *("park", "--model", MODEL, "--set", "controller.dt_s=0.1"), *("--lockstep", "--out", out)
     )
     assert done.returncode == 2
     assert "controller.dt_s is 0.1" in done.stderr

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from klab import SMALL_AREA, klab, klab_ok, start_klab
+from klab import MODEL, SMALL_AREA, klab, klab_ok, start_klab
 
 from koopman_lab.bus.channels import ONBOARD_STATUS, split_name
 from koopman_lab.bus.realtime import Listener
@@ -48,11 +48,8 @@ def wait_until_held(bus_url, name):
 
 def test_one_robot_is_calibrated_while_the_other_parks(robots, bus_url, tmp_path):
     calibrated, parked = robots
-    klab_ok("calibrate", "--lockstep", "--out", tmp_path / "before")
-    model = tmp_path / "model.npz"
-    klab_ok("train", tmp_path / "before", "--out", model)
     folders = {calibrated: tmp_path / "calibration", parked: tmp_path / "park"}
-    small = ("--segments", "3", *SMALL_AREA)
+    small = ("--segments", "2", *SMALL_AREA)
     session = start_klab(
         "calibrate", "--robot-name", calibrated, "--out", folders[calibrated], *small
     )
@@ -61,7 +58,7 @@ def test_one_robot_is_calibrated_while_the_other_parks(robots, bus_url, tmp_path
     assert refused.returncode == 2, refused.stderr
     assert f"{calibrated}_ONBOARD_STATUS: the robot is held by sampler" in refused.stderr
     assert not (tmp_path / "second").exists()
-    klab_ok("park", "--robot-name", parked, "--model", model, "--out", folders[parked])
+    klab_ok("park", "--robot-name", parked, "--model", MODEL, "--out", folders[parked])
     said, _ = session.communicate(timeout=120)
     assert session.returncode == 0, said
     assert json.loads((folders[parked] / "summary.json").read_text())["parked"]
