@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import ConfigError, ModelError
+from koopman_lab.errors import ModelError
+from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.mpc.costs import stage_cost
-from koopman_lab.mpc.prediction import PredictionModel, Rollout
+from koopman_lab.mpc.prediction import KoopmanPrediction, LiftedPrediction, PredictionModel
+from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import BackEnd, Plan, Solver, make_solver
 
 CLEARLY_BETTER = 1e-6
@@ -142,6 +144,10 @@ class RecedingHorizon:
         """Return the state (n,) that the model predicts one sampling time after ``x``."""
         return self._rollout.advance(x, u)
 
+    def stage_cost(self, x: NDArray[np.float64], u: NDArray[np.float64]) -> float:
+        """Return what a stage costs in the state ``x`` (n,) under the input ``u`` (2,)."""
+        return self._rollout.stage_cost(x, u)
+
 
 def receding_horizon(
     model: PredictionModel, config: LabConfig, back_end: BackEnd = "fatrop"
@@ -153,14 +159,11 @@ def receding_horizon(
     ModelError
         If the model is of another robot or another sampling time than the configuration.
     ConfigError
-        If the configuration asks for what this optimiser does not do.
+        If the weights do not fit the cost.
     """
     settings = config.controller
-    if not settings.reprojection:
-        raise ConfigError(
-            "controller.reprojection is false, but predictions are reprojected in each step; "
-            "set it to true"
-        )
+    if not settings.reprojection and isinstance(model, KoopmanPrediction):
+        model = LiftedPrediction(model.model)
     if model.robot_kind != config.robot.kind:
         raise ModelError(
             f"the prediction model is of the {model.robot_kind} robot, but robot.kind is "
@@ -171,15 +174,15 @@ def receding_horizon(
             f"the prediction model has a sampling time of {model.dt_s} s, but controller.dt_s is "
             f"{settings.dt_s}; train with --dt {settings.dt_s} or set controller.dt_s"
         )
-    cost = stage_cost(settings)
+    own = dictionary(config.model.dictionary, config.robot.kind)
+    cost = stage_cost(settings, model.dictionary or own)
     solver = make_solver(
         model,
         cost,
         settings.horizon,
         settings.u_max,
         back_end,
+        speed_max=settings.speed_max,
         use_compiler=settings.use_compiler,
     )
-    return RecedingHorizon(
-        solver, Rollout(model, cost, settings.horizon), settings.u_max, settings.dt_s
-    )
+    return RecedingHorizon(solver, solver.rollout, settings.u_max, settings.dt_s)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from koopman_lab.errors import ConfigError
 from koopman_lab.mpc import compiled, stagewise
 from koopman_lab.mpc.costs import StageCost
-from koopman_lab.mpc.ocp import OptimalControlProblem, transcribe
-from koopman_lab.mpc.prediction import PredictionModel, Rollout
+from koopman_lab.mpc.ocp import Bounds, OptimalControlProblem, transcribe
+from koopman_lab.mpc.prediction import PredictionModel
+from koopman_lab.mpc.rollout import Call, Rollout
 
 BackEnd = Literal["fatrop", "ipopt"]
 
@@ -112,35 +113,40 @@ class NlpSolver:
                 "install the casadi wheel from PyPI again"
             )
         options = _options(back_end, problem, most_iterations or MOST_ITERATIONS[back_end])
-        self._solver = ca.nlpsol("solver", back_end, problem.program, options)
-        self._upper = problem.upper
+        self._call = Call(ca.nlpsol("solver", back_end, problem.program, options))
+
+    @property
+    def rollout(self) -> Rollout:
+        """Return what tells the value of plans."""
+        return self._rollout
 
     def solve(self, x0: NDArray[np.float64], guess: NDArray[np.float64]) -> Plan:
         """Return a plan for the state ``x0`` (n,), starting from the inputs ``guess`` (H, 2)."""
-        states, guess_value = self._rollout(x0, guess)
-        if not np.isfinite(guess_value):
-            return Plan(guess, states, guess_value, 0, False, "the initial guess is not finite")
-        factor = 1.0 / max(guess_value, SMALLEST_VALUE)
-        result = self._solver(
-            x0=self._problem.pack(states, guess),
-            p=np.concatenate([x0, [factor], self._problem.parameters]),
-            lbx=-self._upper,
-            ubx=self._upper,
-            lbg=0.0,
-            ubg=0.0,
-        )
-        statistics = self._solver.stats()
-        _, inputs = self._problem.unpack(np.asarray(result["x"]).ravel())
+        begun = self._rollout.trajectory(x0, guess)
+        if not np.isfinite(begun.value):
+            said = "the initial guess is not finite"
+            return Plan(guess, begun.states, begun.value, 0, False, said)
+        upper = self._problem.upper(begun.propagated[0])
+        factor = 1.0 / max(begun.value, SMALLEST_VALUE)
+        # In CasADi's order; the last four, gaps and multipliers, stay zero.
+        variables, parameters, lbx, ubx, *_ = self._call.arguments
+        variables[:] = self._problem.pack(begun.propagated, guess)
+        parameters[:] = np.concatenate([begun.propagated[0], [factor], self._problem.parameters])
+        lbx[:], ubx[:] = -upper, upper
+        self._call.run()
+        statistics = self._call.statistics()
+        _, inputs = self._problem.unpack(self._call.results[0])
         # Interior-point methods may end a hair outside the bounds.
-        u_max = self._problem.u_max
+        u_max = self._problem.bounds.u_max
         inputs = np.clip(inputs, -u_max, u_max)
-        states, value = self._rollout(x0, inputs)
+        found = self._rollout.trajectory(x0, inputs)
         return Plan(
             inputs,
-            states,
-            value,
+            found.states,
+            found.value,
             int(statistics["iter_count"]),
-            bool(np.isfinite(value)) and (bool(statistics["success"]) or value < guess_value),
+            bool(np.isfinite(found.value))
+            and (bool(statistics["success"]) or found.value < begun.value),
             f"{self._back_end}: {statistics['return_status']}",
         )
 
@@ -153,6 +159,7 @@ def make_solver(
     back_end: BackEnd = "fatrop",
     most_iterations: int | None = None,
     *,
+    speed_max: Sequence[float] | None = None,
     use_compiler: bool = True,
 ) -> NlpSolver:
     """Return a solver of the optimal control problem; see :func:`ocp.transcribe`.
@@ -161,7 +168,8 @@ def make_solver(
     written out stage by stage, because loops that are not compiled are slower still. Both agree up
     to rounding. IPOPT always has the written-out form, as in the paper.
     """
-    rollout, form = Rollout(model, cost, horizon), "not compiled"
+    bounds = Bounds(np.asarray(u_max, float), speed_max, model.speeds_at, model.dt_s)
+    form = "not compiled"
     if back_end == "fatrop" and use_compiler:
         try:
             library = compiled.library(stagewise.source(model, cost, horizon))
@@ -169,10 +177,11 @@ def make_solver(
             form = f"not compiled: {reason}"
         else:
             numbers = stagewise.parameters_of(model, cost)
-            bounds = np.asarray(u_max, float)
-            problem = OptimalControlProblem(str(library), bounds, horizon, model.state_dim, numbers)
+            problem = OptimalControlProblem(str(library), bounds, horizon, model.size, numbers)
+            rollout = Rollout(model, cost, horizon, library)
             return NlpSolver(problem, rollout, back_end, most_iterations, "compiled")
-    problem = transcribe(model, cost, horizon, u_max)
+    problem = transcribe(model, cost, horizon, bounds)
+    rollout = Rollout(model, cost, horizon)
     return NlpSolver(problem, rollout, back_end, most_iterations, form)
 
 

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from koopman_lab.config.load import load_config
-from koopman_lab.errors import ConfigError, ModelError
+from koopman_lab.errors import ModelError
 from koopman_lab.mpc.costs import stage_cost
-from koopman_lab.mpc.prediction import NominalPrediction, Rollout
+from koopman_lab.mpc.prediction import NominalPrediction
 from koopman_lab.mpc.receding_horizon import RecedingHorizon, receding_horizon
+from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, make_solver
 from koopman_lab.robot.models import nominal_model
 
@@ -173,6 +174,3 @@ def test_models_that_do_not_fit_the_configuration_are_refused():
         receding_horizon(NominalPrediction("kinematic", 0.05), config)
     with pytest.raises(ModelError, match=r"0\.1 s.*controller\.dt_s"):
         receding_horizon(NominalPrediction("dynamic", 0.1), config)
-    lifted = load_config(robot="dynamic", overrides=["controller.reprojection=false"])
-    with pytest.raises(ConfigError, match=r"controller\.reprojection"):
-        receding_horizon(NominalPrediction("dynamic", 0.05), lifted)
