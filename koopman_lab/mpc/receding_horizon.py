@@ -19,7 +19,7 @@ from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.mpc.costs import stage_cost
 from koopman_lab.mpc.prediction import KoopmanPrediction, LiftedPrediction, PredictionModel
 from koopman_lab.mpc.rollout import Rollout
-from koopman_lab.mpc.solver import BackEnd, Plan, Solver, make_solver
+from koopman_lab.mpc.solver import BackEnd, NlpSolver, Plan, Solver, make_solver
 
 CLEARLY_BETTER = 1e-6
 """Relative gain by which a later start must win, so that rounding does not choose among equals."""
@@ -150,9 +150,40 @@ class RecedingHorizon:
 
 
 def receding_horizon(
-    model: PredictionModel, config: LabConfig, back_end: BackEnd = "fatrop"
+    model: PredictionModel,
+    config: LabConfig,
+    back_end: BackEnd = "fatrop",
+    solver: NlpSolver | None = None,
 ) -> RecedingHorizon:
     """Return the optimiser that a configuration asks for.
+
+    Parameters
+    ----------
+    model, config, back_end
+        See :func:`solver_of`.
+    solver
+        Made before for the same; it may serve one optimiser after the other.
+
+    Raises
+    ------
+    LabError
+        See :func:`solver_of`.
+    """
+    settings, made = config.controller, solver or solver_of(model, config, back_end)
+    return RecedingHorizon(made, made.rollout, settings.u_max, settings.dt_s)
+
+
+def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd = "fatrop") -> NlpSolver:
+    """Return the solver that a configuration asks for.
+
+    Parameters
+    ----------
+    model
+        Predicts the robot; a Koopman surrogate is reprojected or not as configured.
+    config
+        The lab.
+    back_end
+        Of the solver.
 
     Raises
     ------
@@ -175,14 +206,12 @@ def receding_horizon(
             f"{settings.dt_s}; train with --dt {settings.dt_s} or set controller.dt_s"
         )
     own = dictionary(config.model.dictionary, config.robot.kind)
-    cost = stage_cost(settings, model.dictionary or own)
-    solver = make_solver(
+    return make_solver(
         model,
-        cost,
+        stage_cost(settings, model.dictionary or own),
         settings.horizon,
         settings.u_max,
         back_end,
         speed_max=settings.speed_max,
         use_compiler=settings.use_compiler,
     )
-    return RecedingHorizon(solver, solver.rollout, settings.u_max, settings.dt_s)

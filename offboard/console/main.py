@@ -16,6 +16,7 @@ from offboard.console.fault import fault
 from offboard.console.park import park
 from offboard.console.replay import replay
 from offboard.console.rerun import rerun
+from offboard.console.simulate import simulate
 from offboard.console.terminal import err
 from offboard.console.train import train
 from offboard.console.up import up
@@ -30,7 +31,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, up, calibrate, train, park, replay, rerun, estop, fault, doctor):
+for command in (demo, up, calibrate, train, park, simulate, replay, rerun, estop, fault, doctor):
     app.command()(command)
 app.add_typer(run.app, name="run")
 app.add_typer(log.app, name="log")

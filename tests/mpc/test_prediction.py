@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.linalg import expm
+from prediction_models import exact_d5t
 
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ModelError
@@ -24,16 +24,6 @@ from koopman_lab.robot.models import nominal_model
 
 ANGLE = st.floats(-9.0, 9.0)
 SPEED = st.floats(-0.5, 0.5)
-
-
-def exact_d5t(dt_s=0.05):
-    """Return D5t's invariant propagation: for fixed (v, omega) its span is closed."""
-    along, turning = np.zeros((5, 5)), np.zeros((5, 5))
-    along[1, 3] = along[2, 4] = 1.0
-    turning[3, 4], turning[4, 3] = -1.0, 1.0
-    inputs = np.array([[0.0, 0.0], [0.2, -0.4], [0.2, 0.6]])
-    matrices = np.array([expm(dt_s * (v * along + omega * turning)) for v, omega in inputs])
-    return BilinearModel(dictionary("D5t", "kinematic"), matrices, inputs, dt_s, {})
 
 
 def as_function(model):
