@@ -88,6 +88,8 @@ class NlpSolver:
         if it is better than the guess.
     form
         In what form the problem is evaluated, in words for a person.
+    scaled
+        Whether the objective is scaled.
 
     Raises
     ------
@@ -102,10 +104,13 @@ class NlpSolver:
         back_end: BackEnd = "fatrop",
         most_iterations: int | None = None,
         form: str = "not compiled",
+        *,
+        scaled: bool = True,
     ) -> None:
         self.description = f"{back_end}, {form}"
         self._problem = problem
         self._rollout = rollout
+        self._scaled = scaled
         self._back_end = back_end
         if not ca.has_nlpsol(back_end):
             raise ConfigError(
@@ -127,7 +132,7 @@ class NlpSolver:
             said = "the initial guess is not finite"
             return Plan(guess, begun.states, begun.value, 0, False, said)
         upper = self._problem.upper(begun.propagated[0])
-        factor = 1.0 / max(begun.value, SMALLEST_VALUE)
+        factor = 1.0 / max(begun.value, SMALLEST_VALUE) if self._scaled else 1.0
         # In CasADi's order; the last four, gaps and multipliers, stay zero.
         variables, parameters, lbx, ubx, *_ = self._call.arguments
         variables[:] = self._problem.pack(begun.propagated, guess)
@@ -161,6 +166,7 @@ def make_solver(
     *,
     speed_max: Sequence[float] | None = None,
     use_compiler: bool = True,
+    scaled: bool = True,
 ) -> NlpSolver:
     """Return a solver of the optimal control problem; see :func:`ocp.transcribe`.
 
@@ -179,10 +185,10 @@ def make_solver(
             numbers = stagewise.parameters_of(model, cost)
             problem = OptimalControlProblem(str(library), bounds, horizon, model.size, numbers)
             rollout = Rollout(model, cost, horizon, library)
-            return NlpSolver(problem, rollout, back_end, most_iterations, "compiled")
+            return NlpSolver(problem, rollout, back_end, most_iterations, "compiled", scaled=scaled)
     problem = transcribe(model, cost, horizon, bounds)
     rollout = Rollout(model, cost, horizon)
-    return NlpSolver(problem, rollout, back_end, most_iterations, form)
+    return NlpSolver(problem, rollout, back_end, most_iterations, form, scaled=scaled)
 
 
 def _options(

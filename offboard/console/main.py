@@ -7,7 +7,7 @@ import sys
 import typer
 
 from koopman_lab.errors import LabError
-from offboard.console import bench, dataset, figure, log, run
+from offboard.console import bench, dataset, figure, log, run, study
 from offboard.console.calibrate import calibrate
 from offboard.console.demo import demo
 from offboard.console.doctor import doctor
@@ -38,6 +38,7 @@ app.add_typer(log.app, name="log")
 app.add_typer(dataset.app, name="dataset")
 app.add_typer(figure.app, name="figure")
 app.add_typer(bench.app, name="bench")
+app.add_typer(study.app, name="study")
 
 
 def main() -> None:

@@ -128,7 +128,8 @@ def _write(place: RunFolder, lab: LabConfig, runs: dict[str, Run], model: Path |
     from koopman_lab.files import write_csv
     from koopman_lab.studies.closed_loop import COLUMNS, as_rows, x2_last_mm
 
-    table = Table("controller", box=None, pad_edge=False, title="where the robot is at the end")
+    table = Table(box=None, pad_edge=False, title="where the robot is at the end")
+    table.add_column("controller", no_wrap=True)
     columns = ("x1 (mm)", "|x2| (mm)", "last s (mm)", "theta (deg)", "value", "iter.", "unsolved")
     for column in columns:
         table.add_column(column, justify="right")

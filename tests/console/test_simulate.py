@@ -7,6 +7,7 @@ from klab import MODEL, klab, klab_ok
 
 def test_a_simulation_leaves_a_figure_and_a_trajectory_for_each_controller(tmp_path):
     asked = ["--predict", "reprojected", "--predict", "lifted", "--cost", "ds", "--duration", "1"]
+    asked += ["--set", "controller.horizon=10"]
     shown = klab_ok("simulate", "--model", MODEL, *asked, "--out", tmp_path / "run")
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert set(summary["controllers"]) == {"ds-reprojected", "ds-lifted"}
