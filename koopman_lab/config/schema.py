@@ -330,6 +330,10 @@ CostName = Literal["me", "ce", "ds"]
 """Stage costs of the paper's section 3.3."""
 
 
+BackEnd = Literal["ddp", "fatrop", "ipopt"]
+"""Solvers of the optimal control problem."""
+
+
 class Weights(Section):
     """Diagonal weights of one stage cost: q for states (``ds``: observables), r for inputs.
 
@@ -347,6 +351,7 @@ class Controller(Section):
     horizon: Annotated[int, Field(ge=1, le=1000)]
     cost: CostName
     reprojection: bool
+    solver: BackEnd
     use_compiler: bool
     u_max: tuple[Positive, Positive]
     speed_max: tuple[Positive, Positive] | None

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.schema import BackEnd, LabConfig
 from koopman_lab.errors import ModelError
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.mpc.costs import stage_cost
 from koopman_lab.mpc.prediction import KoopmanPrediction, LiftedPrediction, PredictionModel
 from koopman_lab.mpc.rollout import Rollout
-from koopman_lab.mpc.solver import BackEnd, NlpSolver, Plan, Solver, make_solver
+from koopman_lab.mpc.solver import Plan, Solver, make_solver
 
 CLEARLY_BETTER = 1e-6
 """Relative gain by which a later start must win, so that rounding does not choose among equals."""
@@ -152,8 +152,8 @@ class RecedingHorizon:
 def receding_horizon(
     model: PredictionModel,
     config: LabConfig,
-    back_end: BackEnd = "fatrop",
-    solver: NlpSolver | None = None,
+    back_end: BackEnd | None = None,
+    solver: Solver | None = None,
 ) -> RecedingHorizon:
     """Return the optimiser that a configuration asks for.
 
@@ -173,7 +173,7 @@ def receding_horizon(
     return RecedingHorizon(made, made.rollout, settings.u_max, settings.dt_s)
 
 
-def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd = "fatrop") -> NlpSolver:
+def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd | None = None) -> Solver:
     """Return the solver that a configuration asks for.
 
     Parameters
@@ -183,7 +183,7 @@ def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd = "fa
     config
         The lab.
     back_end
-        Of the solver.
+        Of the solver; None for the configured one.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd = "fa
         stage_cost(settings, model.dictionary or own),
         settings.horizon,
         settings.u_max,
-        back_end,
+        back_end or settings.solver,
         speed_max=settings.speed_max,
         use_compiler=settings.use_compiler,
     )

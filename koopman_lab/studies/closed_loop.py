@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.mpc.prediction import PredictionModel
 from koopman_lab.mpc.receding_horizon import receding_horizon
-from koopman_lab.mpc.solver import NlpSolver
+from koopman_lab.mpc.solver import Solver
 from koopman_lab.robot.models import nominal_model
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def closed_loop(
     prediction: PredictionModel,
     x0: Array,
     duration_s: float,
-    solver: NlpSolver | None = None,
+    solver: Solver | None = None,
 ) -> Run:
     """Control the nominal robot from a state on.
 

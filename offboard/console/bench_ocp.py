@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import LabConfig, RobotKind
+from koopman_lab.config.schema import BackEnd, LabConfig, RobotKind
 from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.mpc.costs import StageCost, stage_cost
 from koopman_lab.mpc.prediction import KoopmanPrediction, LiftedPrediction, PredictionModel
 from koopman_lab.mpc.receding_horizon import RecedingHorizon, solver_of
 from koopman_lab.mpc.rollout import Rollout
-from koopman_lab.mpc.solver import BackEnd, NlpSolver, Plan, make_solver
+from koopman_lab.mpc.solver import Plan, Solver, make_solver
 from koopman_lab.robot.models import nominal_model
 from offboard.console import options
 
@@ -151,8 +151,8 @@ Maker = Callable[[LabConfig, PredictionModel, StageCost], Candidate]
 class _Recorder:
     """Hands every problem on to a solver and keeps it."""
 
-    def __init__(self, solver: NlpSolver) -> None:
-        self.description = solver.description
+    def __init__(self, solver: Solver) -> None:
+        self.description, self.rollout = solver.description, solver.rollout
         self._solver = solver
         self.asked: list[tuple[Task, Plan]] = []
 
@@ -313,18 +313,18 @@ def _solver(
     lab: LabConfig,
     prediction: PredictionModel,
     cost: StageCost,
-    back_end: BackEnd = "fatrop",
+    back_end: BackEnd | None = None,
     most_iterations: int | None = None,
     *,
     scaled: bool = True,
-) -> NlpSolver:
+) -> Solver:
     settings = lab.controller
     return make_solver(
         prediction,
         cost,
         settings.horizon,
         settings.u_max,
-        back_end,
+        back_end or settings.solver,
         most_iterations,
         use_compiler=settings.use_compiler,
         scaled=scaled,
@@ -334,7 +334,7 @@ def _solver(
 class _Own:
     """A solver behind our interface."""
 
-    def __init__(self, solver: NlpSolver) -> None:
+    def __init__(self, solver: Solver) -> None:
         self._solver = solver
 
     def prepare(self, task: Task) -> None:

@@ -20,12 +20,11 @@ from koopman_lab.mpc.solver import make_solver
 CASES = [
     ("nominal dynamic", 1, "me"),
     ("nominal kinematic", 3, "ce"),
-    ("D13t", 3, "me"),
     ("D5t", 2, "ds"),
     ("D5t lifted", 3, "me"),
     ("D8Eul lifted", 2, "ds"),
 ]
-"""Every model, cost and way to propagate at least once; a case is a second of compiling."""
+"""Every kind of model and cost at least once; a case is a second of compiling."""
 
 
 def prediction(name, seed=0):
@@ -100,20 +99,23 @@ def test_compiled_functions_are_those_of_the_written_out_program(name, horizon, 
         same(found, wanted)
 
 
-@pytest.mark.parametrize(("name", "x0"), [("D5t", [0.0, 0.5, 0.0]), ("D8Eul lifted", [0.3] * 5)])
-def test_one_library_serves_every_model_of_a_dictionary(cache, name, x0):
+@pytest.mark.parametrize(
+    ("name", "x0", "back_end", "rel"),
+    [("D5t", [0.0, 0.5, 0.0], "fatrop", 1e-9), ("D8Eul lifted", [0.3] * 5, "ddp", 1e-6)],
+)
+def test_one_library_serves_every_model_of_a_dictionary(cache, name, x0, back_end, rel):
     for seed in (1, 2):
         model = prediction(name, seed)
         guess = np.full((4, 2), 0.05)
         plans = [
-            make_solver(model, weights(model), 4, (0.4, 1.0), use_compiler=wanted).solve(
+            make_solver(model, weights(model), 4, (0.4, 1.0), back_end, use_compiler=wanted).solve(
                 np.array(x0), guess
             )
             for wanted in (True, False)
         ]
         assert all(plan.ok for plan in plans)
-        assert plans[0].value == pytest.approx(plans[1].value, rel=1e-9)
-        np.testing.assert_allclose(plans[0].inputs, plans[1].inputs, atol=1e-5)
+        assert plans[0].value == pytest.approx(plans[1].value, rel=rel)
+        np.testing.assert_allclose(plans[0].inputs, plans[1].inputs, atol=1e-3)
     assert len(list(cache.glob("*.so"))) == 1
 
 
@@ -168,7 +170,7 @@ def test_what_is_compiled_once_is_used_again(tmp_path, monkeypatch):
     monkeypatch.setenv("CC", counting)
     for _ in range(2):
         made = solver()
-        assert made.description == "fatrop, compiled"
+        assert made.description == "ddp, compiled"
         assert solves(made)
     assert log.read_text() == "run\n"
 
@@ -182,7 +184,7 @@ def test_a_damaged_library_is_built_again(tmp_path, monkeypatch):
             (tmp_path / folder).mkdir()
             (tmp_path / folder / library.name).write_bytes(b"not a library")
         made = solver()
-        assert made.description == "fatrop, compiled"
+        assert made.description == "ddp, compiled"
         assert solves(made)
 
 
