@@ -1,5 +1,8 @@
+import importlib.util
+import json
+
 import pytest
-from klab import klab_json, klab_ok
+from klab import MODEL, klab, klab_json, klab_ok
 
 
 def test_bench_lockstep_says_how_fast_and_on_what():
@@ -28,3 +31,20 @@ def test_bench_motor_shows_the_responses_and_they_are_as_the_motor_loop_promises
     assert merit["disturbance_left_m_per_s"] < 0.02 * 0.3
     assert "overshoot" in klab_ok("bench", "motor", "--out", tmp_path / "motor")
     assert {p.name for p in tmp_path.iterdir()} == {"motor.pdf", "motor.png"}
+
+
+def test_bench_ocp_has_a_row_for_each_solver_there_is():
+    wanted = ("--model", MODEL, "--states", "3", "--set", "controller.horizon=8")
+    done = klab("bench", "ocp", *wanted, "--json")
+    assert done.returncode == 0, done.stderr
+    there = importlib.util.find_spec("do_mpc") is not None
+    assert there == ("do-mpc is not installed" not in done.stderr)
+    rows = json.loads(done.stdout)
+    solvers = ["ours", "ipopt", *(["do-mpc"] if there else [])]
+    assert [(row["model"], row["solver"]) for row in rows] == [
+        (model, solver) for model in ("reprojected", "lifted") for solver in solvers
+    ]
+    for row in rows:
+        assert row["problem"] == "kinematic"
+        assert 0.0 < row["median_ms"] <= row["p99_ms"] <= row["max_ms"]
+        assert row["worse_share"] == len(row["exceptions"]) / 3
