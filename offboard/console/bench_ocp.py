@@ -12,7 +12,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -74,7 +74,7 @@ class Row:
         Time to make the solver; ours with a library already in the cache.
     median_ms, p99_ms, max_ms
         Of a call, from a state and a guess to inputs.
-    cpu_p99_ms
+    cpu_median_ms, cpu_p99_ms
         The same by the CPU time of this process, which a busy machine lengthens less.
     iterations_median, iterations_max
         Of a call.
@@ -96,6 +96,7 @@ class Row:
     median_ms: float
     p99_ms: float
     max_ms: float
+    cpu_median_ms: float
     cpu_p99_ms: float
     iterations_median: float
     iterations_max: int
@@ -198,11 +199,7 @@ def compare(config: LabConfig, model: BilinearModel, count: int) -> Iterator[Row
         tasks = record(lab, KoopmanPrediction(model), count)
         prediction = KoopmanPrediction(model) if name == "reprojected" else LiftedPrediction(model)
         cost = stage_cost(lab.controller, model.dictionary)
-        rollout = Rollout(prediction, cost, lab.controller.horizon)
-        timed = {
-            solver: _time(make, lab, prediction, cost, rollout, tasks)
-            for solver, make in _makers().items()
-        }
+        timed = _time(lab, prediction, cost, tasks)
         yield from _rows(lab, prediction, cost, name, tasks, timed)
 
 
@@ -216,51 +213,46 @@ def _makers() -> dict[str, Maker]:
     return makers | ({"do-mpc": _DoMpc} if has_do_mpc() else {})
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Timed:
+    """What one solver did, a number for each state."""
+
+    candidate: Candidate
     build_s: float
-    wall_ms: Array
-    cpu_ms: Array
-    iterations: NDArray[np.int_]
-    values: Array
-    plans: list[Array]
+    wall_ms: list[float] = field(default_factory=list)
+    cpu_ms: list[float] = field(default_factory=list)
+    iterations: list[int] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+    plans: list[Array] = field(default_factory=list)
 
 
 def _time(
-    make: Maker,
-    lab: LabConfig,
-    prediction: PredictionModel,
-    cost: StageCost,
-    rollout: Rollout,
-    tasks: Sequence[Task],
-) -> _Timed:
-    make(lab, prediction, cost)
-    began = time.perf_counter()
-    candidate = make(lab, prediction, cost)
-    build_s = time.perf_counter() - began
-    for task in tasks[:WARM_UP]:
-        candidate.prepare(task)
-        candidate.run()
-    wall, cpu, iterations, values, plans = [], [], [], [], []
+    lab: LabConfig, prediction: PredictionModel, cost: StageCost, tasks: Sequence[Task]
+) -> dict[str, _Timed]:
+    """Give every state to one solver after the other, so that a busy machine hinders all alike."""
+    rollout = Rollout(prediction, cost, lab.controller.horizon)
     bound = np.array(lab.controller.u_max)
+    timed = {}
+    for name, make in _makers().items():
+        make(lab, prediction, cost)
+        began = time.perf_counter()
+        candidate = make(lab, prediction, cost)
+        timed[name] = _Timed(candidate, time.perf_counter() - began)
+        for task in tasks[:WARM_UP]:
+            candidate.prepare(task)
+            candidate.run()
     for task in tasks:
-        candidate.prepare(task)
-        began, cpu_began = time.perf_counter(), time.process_time()
-        candidate.run()
-        wall.append(time.perf_counter() - began)
-        cpu.append(time.process_time() - cpu_began)
-        inputs, count = candidate.answer()
-        iterations.append(count)
-        plans.append(np.clip(inputs, -bound, bound))
-        values.append(rollout(task.x0, plans[-1])[1])
-    return _Timed(
-        build_s,
-        1e3 * np.array(wall),
-        1e3 * np.array(cpu),
-        np.array(iterations, int),
-        np.array(values),
-        plans,
-    )
+        for found in timed.values():
+            found.candidate.prepare(task)
+            began, cpu_began = time.perf_counter(), time.process_time()
+            found.candidate.run()
+            found.wall_ms.append(1e3 * (time.perf_counter() - began))
+            found.cpu_ms.append(1e3 * (time.process_time() - cpu_began))
+            inputs, count = found.candidate.answer()
+            found.iterations.append(count)
+            found.plans.append(np.clip(inputs, -bound, bound))
+            found.values.append(rollout(task.x0, found.plans[-1])[1])
+    return timed
 
 
 def _rows(
@@ -275,7 +267,7 @@ def _rows(
     polish = _solver(lab, prediction, cost, "fatrop", 200)
     for solver, found in timed.items():
         best = np.min([other.values for key, other in timed.items() if key != solver], axis=0)
-        excess = found.values / best - 1.0
+        excess = np.array(found.values) / best - 1.0
         exceptions = []
         for index in np.flatnonzero(excess > NOTICEABLE).tolist():
             polished = polish.solve(tasks[index].x0, found.plans[index]).value
@@ -298,9 +290,10 @@ def _rows(
                 median,
                 p99,
                 largest,
+                float(np.median(found.cpu_ms)),
                 float(np.percentile(found.cpu_ms, 99.0)),
                 float(np.median(found.iterations)),
-                int(found.iterations.max()),
+                max(found.iterations),
                 len(exceptions) / len(tasks),
                 float(excess.max()),
                 exceptions,
@@ -419,14 +412,15 @@ def as_table(rows: Sequence[Row]) -> Table:
     table = Table(box=None, pad_edge=False, collapse_padding=True, title="one call, ms")
     for column in ("problem", "model", "solver"):
         table.add_column(column, no_wrap=True)
-    for column in ("median", "p99", "max", "CPU p99", "iter.", "worse", "build s"):
+    for column in ("median", "p99", "max", "CPU", "CPU p99", "iter.", "worse", "build s"):
         table.add_column(column, justify="right")
     for row in rows:
         table.add_row(
             row.problem,
             row.model,
             row.solver,
-            *(f"{ms:.2f}" for ms in (row.median_ms, row.p99_ms, row.max_ms, row.cpu_p99_ms)),
+            *(f"{ms:.2f}" for ms in (row.median_ms, row.p99_ms, row.max_ms)),
+            *(f"{ms:.2f}" for ms in (row.cpu_median_ms, row.cpu_p99_ms)),
             f"{row.iterations_median:.0f}/{row.iterations_max}",
             f"{100.0 * row.worse_share:.1f} %",
             f"{row.build_s:.2f}",

@@ -35,10 +35,12 @@ def test_a_run_is_that_of_the_nominal_equations_and_of_nothing_else():
 
 
 def test_the_quadratic_cost_stays_away_from_the_goal_where_mixed_exponents_do_not():
-    """Parallel parking, the paper's section 4."""
+    """Parallel parking, the paper's section 4, with the same weights."""
+    weights = "{q: [1.0, 10.0, 0.1], r: [0.5, 0.05]}"
     away_mm = {}
     for cost in ("me", "ce"):
-        overrides = [f"controller.cost={cost}", "controller.dt_s=0.1", "controller.horizon=40"]
+        overrides = [f"controller.cost={cost}", f"controller.weights.{cost}={weights}"]
+        overrides += ["controller.dt_s=0.1", "controller.horizon=40"]
         config = load_config(robot="kinematic", overrides=overrides)
         x0 = np.array([0.0, 0.3, 0.0])
         run = closed_loop(config, NominalPrediction("kinematic", 0.1), x0, 8.0)
