@@ -9,7 +9,18 @@ from pathlib import Path
 
 import lcm
 import pytest
-from klab import KLAB, MODEL, NO_RADIO_LOSS, SMALL_AREA, alive, klab, klab_json, klab_ok, start_klab
+from klab import (
+    KLAB,
+    MODEL,
+    NO_RADIO_LOSS,
+    SHORT_RUNS,
+    SMALL_AREA,
+    alive,
+    klab,
+    klab_json,
+    klab_ok,
+    start_klab,
+)
 
 import lcmtypes
 from koopman_lab.bus import realtime
@@ -160,7 +171,7 @@ def test_session_beside_lcm_logger_replayed_by_lcm_logplayer(bus_url, tmp_path):
         preexec_fn=lambda: realtime.ask_for_priority(2 * realtime.PRIORITY),
     )
     try:
-        klab_ok("calibrate", "--segments", "3", "--out", ours.parent, *SMALL_AREA, *NO_RADIO_LOSS)
+        klab_ok("calibrate", "--segments", "3", "--out", ours.parent, *SHORT_RUNS, *NO_RADIO_LOSS)
     finally:
         peer.terminate()
         assert peer.wait(timeout=10) == 0
@@ -195,7 +206,7 @@ def test_session_beside_lcm_logger_replayed_by_lcm_logplayer(bus_url, tmp_path):
     replay_ear = Ear(replay_url)
     replay_ear.wait_for("logger")
     subprocess.run(
-        [tool("lcm-logplayer"), f"--lcm-url={replay_url}", "--speed=4", str(ours)],
+        [tool("lcm-logplayer"), f"--lcm-url={replay_url}", "--speed=10", str(ours)],
         check=True,
         stdout=subprocess.DEVNULL,
     )
