@@ -34,7 +34,7 @@ def test_bench_motor_shows_the_responses_and_they_are_as_the_motor_loop_promises
 
 
 def test_bench_ocp_has_a_row_for_each_solver_there_is():
-    wanted = ("--model", MODEL, "--states", "3", "--set", "controller.horizon=8")
+    wanted = ("--model", MODEL, "--states", "3", "--set", "controller.horizon=4")
     done = klab("bench", "ocp", *wanted, "--json")
     assert done.returncode == 0, done.stderr
     there = importlib.util.find_spec("do_mpc") is not None

@@ -40,7 +40,7 @@ def test_the_quadratic_cost_stays_away_from_the_goal_where_mixed_exponents_do_no
     away_mm = {}
     for cost in ("me", "ce"):
         overrides = [f"controller.cost={cost}", f"controller.weights.{cost}={weights}"]
-        overrides += ["controller.dt_s=0.1", "controller.horizon=40"]
+        overrides += ["controller.dt_s=0.1", "controller.horizon=30"]
         config = load_config(robot="kinematic", overrides=overrides)
         x0 = np.array([0.0, 0.3, 0.0])
         run = closed_loop(config, NominalPrediction("kinematic", 0.1), x0, 8.0)
