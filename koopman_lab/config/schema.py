@@ -344,6 +344,15 @@ class Weights(Section):
     r: tuple[Positive, Positive]
 
 
+class OffsetFree(Section):
+    """What takes the steady error of a model out of the plans."""
+
+    enabled: bool
+    time_constant_s: Positive
+    largest_m_per_s: Positive
+    largest_rad_per_s: Positive
+
+
 class Controller(Section):
     """The predictive controller."""
 
@@ -353,6 +362,7 @@ class Controller(Section):
     reprojection: bool
     solver: BackEnd
     use_compiler: bool
+    offset_free: OffsetFree
     u_max: tuple[Positive, Positive]
     speed_max: tuple[Positive, Positive] | None
     weights: dict[CostName, Weights]

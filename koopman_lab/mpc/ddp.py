@@ -89,8 +89,13 @@ class Improver:
         self._solve.argtypes = [*[pointer] * 4, ctypes.c_double, ctypes.c_int, pointer]
         self._work = np.zeros(loaded.ddp_work_size() // 8 + 1)
         self._numbers = np.concatenate([model.parameters, cost.parameters])
+        self._disturbed = rollouts.disturbed(model)
         self._u_max = np.array(u_max, float)
         self._most = most_iterations
+
+    def disturb(self, d: Array) -> None:
+        """Let the model predict with other last parameters (its ``disturbance_dim``,)."""
+        self._numbers[self._disturbed] = d
 
     def __call__(self, s0: Array, guess: Array) -> tuple[Array, int]:
         """Return inputs (H, 2) no worse than the guess's and the number of iterations.

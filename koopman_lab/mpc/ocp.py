@@ -79,6 +79,8 @@ class OptimalControlProblem:
         H and the number S of what the model propagates.
     parameters
         Numbers that the program does not hold itself, (P,).
+    disturbance_at
+        Where among them those begin that may change between two problems.
     """
 
     program: dict[str, Any] | str
@@ -86,6 +88,7 @@ class OptimalControlProblem:
     horizon: int
     size: int
     parameters: Array = field(default_factory=lambda: np.empty(0))
+    disturbance_at: int = 0
 
     def upper(self, s0: Array) -> Array:
         """Return the upper bounds of the variables; the lower ones are their negatives.
@@ -136,7 +139,10 @@ def transcribe(
     """
     size = model.size
     initial, factor = ca.SX.sym("initial", size), ca.SX.sym("factor")
-    numbers, weights = ca.DM(model.parameters), ca.DM(cost.parameters)
+    dim, weights = model.disturbance_dim, ca.DM(cost.parameters)
+    fixed, disturbance = np.split(model.parameters, [model.parameters.size - dim])
+    d = ca.SX.sym("d", dim)
+    numbers = ca.vertcat(ca.DM(fixed), d)
     variables, gaps = [], []
     total: Any = 0.0
     s = ca.SX.sym("s_0", size)
@@ -152,8 +158,8 @@ def transcribe(
     total = total + model.cost(cost, s, ca.SX.zeros(2), weights)
     program = {
         "x": ca.vertcat(*variables),
-        "p": ca.vertcat(initial, factor),
+        "p": ca.vertcat(initial, factor, d),
         "f": factor * total,
         "g": ca.vertcat(*gaps),
     }
-    return OptimalControlProblem(program, bounds, horizon, size)
+    return OptimalControlProblem(program, bounds, horizon, size, disturbance)

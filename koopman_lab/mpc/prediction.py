@@ -58,6 +58,10 @@ class PredictionModel(Protocol):
         They stand apart so that what is compiled for one model serves all of its shape.
         """
 
+    @property
+    def disturbance_dim(self) -> int:
+        """How many of the parameters, the last ones, may change between two problems."""
+
     def lift(self, x: Any) -> Any:
         """Return the s to begin with in a state: CasADi SX (n,) to (S,)."""
 
@@ -78,6 +82,7 @@ class _OfTheState:
     """What all models share that propagate the state itself."""
 
     state_dim: int
+    disturbance_dim = 0
 
     @property
     def size(self) -> int:
@@ -162,6 +167,8 @@ class LiftedPrediction:
     model
         Learned from data.
     """
+
+    disturbance_dim = 0
 
     def __init__(self, model: BilinearModel) -> None:
         self.robot_kind = model.robot_kind

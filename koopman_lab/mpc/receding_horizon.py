@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import BackEnd, LabConfig
-from koopman_lab.errors import ModelError
+from koopman_lab.errors import ConfigError, ModelError
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.mpc.costs import stage_cost
+from koopman_lab.mpc.disturbance import DisturbanceEstimator, DisturbedPrediction
 from koopman_lab.mpc.prediction import KoopmanPrediction, LiftedPrediction, PredictionModel
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, Solver, make_solver
@@ -66,31 +67,41 @@ class RecedingHorizon:
         Largest magnitude of either input.
     dt_s
         Sampling time in s.
+    disturbance
+        Corrects the model as it goes; None to plan with the model as it is.
     """
 
     def __init__(
-        self, solver: Solver, rollout: Rollout, u_max: Sequence[float], dt_s: float
+        self,
+        solver: Solver,
+        rollout: Rollout,
+        u_max: Sequence[float],
+        dt_s: float,
+        disturbance: DisturbanceEstimator | None = None,
     ) -> None:
-        self._solver = solver
+        self.back_end = solver
         self._rollout = rollout
         self._u_max = np.asarray(u_max, dtype=float)
         self._dt_s = dt_s
         self._accelerates = rollout.state_dim == 5
+        self._disturbance = disturbance
+        self._expected: NDArray[np.float64] | None = None
         self._plan: Plan | None = None
         self._failures = 0
 
     @property
     def solver(self) -> str:
         """Return what solves, in words for a person."""
-        return self._solver.description
+        return self.back_end.description
 
     def step(self, x: NDArray[np.float64]) -> Decision:
         """Return the input for the measured state ``x`` (n,), relative to the goal.
 
         States of successive calls are one sampling time apart.
         """
+        self._correct_model(x)
         fallback, guesses = self._before(x)
-        found = [self._solver.solve(x, guess) for guess in guesses]
+        found = [self.back_end.solve(x, guess) for guess in guesses]
         usable = [plan for plan in found if plan.ok and np.isfinite(plan.value)]
         self._failures = 0 if usable else self._failures + 1
         chosen = fallback
@@ -102,13 +113,23 @@ class RecedingHorizon:
                 chosen = plan
         if usable or self._plan is not None:
             self._plan = chosen
+        self._expected = self.advance(x, chosen.inputs[0])
         iterations = sum(plan.iterations for plan in found)
         return Decision(chosen.inputs[0], chosen, bool(usable), iterations, self._failures)
 
     def restart(self) -> None:
         """Forget the plan: the robot has stood, or was moved, since it was made."""
-        self._plan = None
+        self._plan = self._expected = None
         self._failures = 0
+
+    def _correct_model(self, x: NDArray[np.float64]) -> None:
+        if self._disturbance is None:
+            return
+        if self._expected is None:
+            self._disturbance.reset()
+            self.back_end.disturb(self._disturbance.value)
+        else:
+            self.back_end.disturb(self._disturbance.update(self._expected, x))
 
     def _before(self, x: NDArray[np.float64]) -> tuple[Plan, list[NDArray[np.float64]]]:
         """Return the plan to go on with if nothing better is found, and the initial guesses."""
@@ -175,7 +196,10 @@ def receding_horizon(
         See :func:`solver_of`.
     """
     settings, made = config.controller, solver or solver_of(model, config, back_end)
-    return RecedingHorizon(made, made.rollout, settings.u_max, settings.dt_s)
+    disturbance = None
+    if settings.offset_free.enabled:
+        disturbance = DisturbanceEstimator(settings.offset_free, settings.dt_s)
+    return RecedingHorizon(made, made.rollout, settings.u_max, settings.dt_s, disturbance)
 
 
 def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd | None = None) -> Solver:
@@ -200,6 +224,13 @@ def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd | Non
     settings = config.controller
     if not settings.reprojection and isinstance(model, KoopmanPrediction):
         model = LiftedPrediction(model.model)
+    if settings.offset_free.enabled:
+        if isinstance(model, LiftedPrediction):
+            raise ConfigError(
+                "controller.offset_free.enabled needs controller.reprojection: what is corrected "
+                "in each step is the state; switch one of them"
+            )
+        model = DisturbedPrediction(model)
     if model.robot_kind != config.robot.kind:
         raise ModelError(
             f"the prediction model is of the {model.robot_kind} robot, but robot.kind is "

@@ -85,15 +85,22 @@ class Rollout:
     ) -> None:
         self.horizon = horizon
         self.state_dim = model.state_dim
+        dim = model.disturbance_dim
+        self._disturbed = disturbed(model)
         numbers = np.concatenate([model.parameters, cost.parameters])
         made = function(model, cost, horizon) if library is None else None
         self._call = Call(made or ca.external(FUNCTION, str(library)))
         self._call.arguments[2][:] = numbers
-        x, u = ca.SX.sym("x", model.state_dim), ca.SX.sym("u", 2)
-        p, w = ca.DM(model.parameters), ca.DM(cost.parameters)
-        s = model.lift(x)
+        x, u, d = (ca.SX.sym(*of) for of in (("x", self.state_dim), ("u", 2), ("d", dim)))
+        p = ca.vertcat(ca.DM(model.parameters[: len(model.parameters) - dim]), d)
+        s, w = model.lift(x), ca.DM(cost.parameters)
         following, here = model.state(model.step(s, u, p)), model.cost(cost, s, u, w)
-        self._once = Call(ca.Function("once", [x, u], [ca.densify(following), ca.densify(here)]))
+        self._once = Call(ca.Function("once", [x, u, d], [ca.densify(following), ca.densify(here)]))
+
+    def disturb(self, d: Array) -> None:
+        """Let the model predict with other last parameters (its ``disturbance_dim``,)."""
+        self._call.arguments[2][self._disturbed] = d
+        self._once.arguments[2][:] = d
 
     def trajectory(self, x0: Array, inputs: Array) -> Trajectory:
         """Return what happens from the state ``x0`` (n,) on under ``inputs`` (H, 2)."""
@@ -128,6 +135,11 @@ class Rollout:
         self._once.arguments[0][:], self._once.arguments[1][:] = x, u
         self._once.run()
         return self._once.results
+
+
+def disturbed(model: PredictionModel) -> slice:
+    """Return where the parameters of a model may change."""
+    return slice(model.parameters.size - model.disturbance_dim, model.parameters.size)
 
 
 def function(model: PredictionModel, cost: StageCost, horizon: int) -> Any:

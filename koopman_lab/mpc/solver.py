@@ -16,7 +16,7 @@ from koopman_lab.mpc import compiled, ddp, stagewise
 from koopman_lab.mpc.costs import StageCost
 from koopman_lab.mpc.ocp import Bounds, OptimalControlProblem, transcribe
 from koopman_lab.mpc.prediction import PredictionModel
-from koopman_lab.mpc.rollout import Call, Rollout
+from koopman_lab.mpc.rollout import Call, Rollout, disturbed
 
 MOST_ITERATIONS: dict[BackEnd, int] = {"ddp": 50, "fatrop": 25, "ipopt": 200}
 """A bound on the effort that, unlike a time limit, leaves results the same on every machine.
@@ -76,6 +76,9 @@ class Solver(Protocol):
     def solve(self, x0: Array, guess: Array) -> Plan:
         """Return a plan for the state ``x0`` (n,), starting from the inputs ``guess`` (H, 2)."""
 
+    def disturb(self, d: Array) -> None:
+        """Plan from now on with other last parameters of the model (its ``disturbance_dim``,)."""
+
 
 class DdpSolver:
     """Differential dynamic programming behind the interface of :class:`~.solver.Solver`.
@@ -93,6 +96,11 @@ class DdpSolver:
     def __init__(self, improver: ddp.Improver, rollout: Rollout) -> None:
         self.rollout = rollout
         self._improver = improver
+
+    def disturb(self, d: Array) -> None:
+        """Plan with other last parameters of the model; see :class:`Solver`."""
+        self.rollout.disturb(d)
+        self._improver.disturb(d)
 
     def solve(self, x0: Array, guess: Array) -> Plan:
         """Return a plan for the state ``x0`` (n,), starting from the inputs ``guess`` (H, 2)."""
@@ -161,6 +169,12 @@ class NlpSolver:
     def rollout(self) -> Rollout:
         """Return what tells the value of plans."""
         return self._rollout
+
+    def disturb(self, d: Array) -> None:
+        """Plan with other last parameters of the model; see :class:`Solver`."""
+        self._rollout.disturb(d)
+        at = self._problem.disturbance_at
+        self._problem.parameters[at : at + d.size] = d
 
     def solve(self, x0: Array, guess: Array) -> Plan:
         """Return a plan for the state ``x0`` (n,), starting from the inputs ``guess`` (H, 2)."""
@@ -248,7 +262,9 @@ def make_solver(
                 most = most_iterations or MOST_ITERATIONS[back_end]
                 return DdpSolver(ddp.Improver(library, model, cost, bounds.u_max, most), rollout)
             numbers = stagewise.parameters_of(model, cost)
-            problem = OptimalControlProblem(str(library), bounds, horizon, model.size, numbers)
+            problem = OptimalControlProblem(
+                str(library), bounds, horizon, model.size, numbers, disturbed(model).start
+            )
             return NlpSolver(problem, rollout, back_end, most_iterations, "compiled", scaled=scaled)
     problem = transcribe(model, cost, horizon, bounds)
     rollout, stand_in = Rollout(model, cost, horizon), "fatrop" if back_end == "ddp" else back_end

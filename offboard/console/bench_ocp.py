@@ -157,6 +157,9 @@ class _Recorder:
         self._solver = solver
         self.asked: list[tuple[Task, Plan]] = []
 
+    def disturb(self, d: Array) -> None:
+        self._solver.disturb(d)
+
     def solve(self, x0: Array, guess: Array) -> Plan:
         plan = self._solver.solve(x0, guess)
         self.asked.append((Task(x0.copy(), guess.copy()), plan))
