@@ -191,6 +191,7 @@ class DataSet:
             "robot_name": recorded.robot_name,
             "frame_rate_hz": rate_hz,
             "processing": settings.model_dump(mode="json"),
+            "marker": recorded.marker.as_dict(),
             "runs": len(recorded.runs),
             "basis_inputs": {str(index): part.account for index, part in found.items()},
         }
