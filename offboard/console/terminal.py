@@ -72,7 +72,8 @@ def _bar(what: str, unit: str) -> Iterator[Report]:
             nonlocal began
             if not began:
                 # What was done before, in a session that goes on, says nothing of the speed.
-                bar.reset(task, completed=done, total=total)
+                bar.update(task, completed=done)
+                bar.reset(task)
                 began = True
             bar.update(task, completed=done, total=total, note=note)
 
