@@ -49,6 +49,33 @@ def basis_runs(states: StructuredArray) -> list[Run]:
     return phase_runs(states, lcmtypes.sampler_state_t.BASIS)
 
 
+def completed(runs: Sequence[Run], states: StructuredArray) -> list[Run]:
+    """Return the runs after which one more segment counts, those that the sampler did not give up.
+
+    What made it give one up may have acted for a while before it was noticed: a motor loop that
+    hears no commands brakes long before its silence is one. Nor does a run count whose end is not
+    in the log.
+
+    Parameters
+    ----------
+    runs
+        From :func:`basis_runs`.
+    states
+        Messages of SAMPLER_STATE (N,).
+    """
+    states = _in_time(states)
+    utime, done = states["utime"], states["segments_done"]
+    kept = []
+    for run in runs:
+        first = np.searchsorted(utime, run.start_us)
+        after = np.searchsorted(utime, run.end_us)
+        # A run whose end was not seen ends with a state of its own; the next one tells.
+        tells = done[after : after + 2].max(initial=done[first])
+        if tells > done[first]:
+            kept.append(run)
+    return kept
+
+
 def phase_runs(states: StructuredArray, phase: int) -> list[Run]:
     """Return the stretches of one phase in the messages of SAMPLER_STATE (N,), ordered by time.
 
