@@ -318,6 +318,7 @@ class Processing(Section):
     smoothing_window: Annotated[int, Field(ge=1)]
     discard_start_s: NotNegative
     discard_end_s: NotNegative
+    remove_marker_offset: bool
 
 
 class Model(Section):
@@ -344,6 +345,13 @@ class Weights(Section):
     r: tuple[Positive, Positive]
 
 
+class Area(Section):
+    """A rectangle of the floor."""
+
+    x1_m: Pair
+    x2_m: Pair
+
+
 class Controller(Section):
     """The predictive controller."""
 
@@ -356,6 +364,7 @@ class Controller(Section):
     u_max: tuple[Positive, Positive]
     speed_max: tuple[Positive, Positive] | None
     weights: dict[CostName, Weights]
+    goal_area: Area
     parked_position_m: Pair
     parked_angle_rad: Positive
     parked_hold_s: NotNegative

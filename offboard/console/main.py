@@ -13,6 +13,7 @@ from offboard.console.demo import demo
 from offboard.console.doctor import doctor
 from offboard.console.estop import estop
 from offboard.console.fault import fault
+from offboard.console.goal import goal
 from offboard.console.park import park
 from offboard.console.replay import replay
 from offboard.console.rerun import rerun
@@ -31,7 +32,8 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, up, calibrate, train, park, simulate, replay, rerun, estop, fault, doctor):
+COMMANDS = (demo, up, calibrate, train, park, simulate, replay, rerun, goal, estop, fault, doctor)
+for command in COMMANDS:
     app.command()(command)
 app.add_typer(run.app, name="run")
 app.add_typer(log.app, name="log")
