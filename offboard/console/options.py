@@ -35,6 +35,13 @@ class PresetName(str, Enum):
     harsh = "harsh"
 
 
+class ShapeName(str, Enum):
+    """Choices of ``--shape``."""
+
+    infinity = "infinity"
+    square = "square"
+
+
 ConfigFile = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="YAML file with any part of the configuration."),
@@ -62,6 +69,7 @@ Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of draws a
 Url = Annotated[
     str | None, typer.Option("--url", help="LCM bus; default: LCM_DEFAULT_URL, then bus.url.")
 ]
+ReferenceShape = Annotated[ShapeName, typer.Option("--shape", help="Shape of the runs.")]
 Out = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Run folder; default runs/<stamp>-<what>."),
