@@ -20,6 +20,7 @@ from offboard.console.rerun import rerun
 from offboard.console.terminal import err
 from offboard.console.train import train
 from offboard.console.up import up
+from offboard.console.validate import validate
 
 EXPECTED_MISTAKE = 2
 INTERRUPTED = 130
@@ -31,7 +32,20 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, up, calibrate, train, park, reference, replay, rerun, estop, fault, doctor):
+for command in (
+    demo,
+    up,
+    calibrate,
+    train,
+    park,
+    reference,
+    validate,
+    replay,
+    rerun,
+    estop,
+    fault,
+    doctor,
+):
     app.command()(command)
 app.add_typer(run.app, name="run")
 app.add_typer(log.app, name="log")

@@ -84,6 +84,13 @@ Window = Annotated[
 SamplingTime = Annotated[
     float | None, typer.Option("--dt", metavar="S", help="Sampling time of the model, s.")
 ]
+ModelsAndRuns = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="MODEL... RUN...",
+        help="Models (.npz, from `klab train`) and sessions of `klab reference`.",
+    ),
+]
 Dictionary = Annotated[
     str | None, typer.Option("--dictionary", metavar="D", help="D5t, D8Eul, D10m, D13t, D12f.")
 ]

@@ -1,0 +1,60 @@
+"""`klab reference` and `klab validate`: from a driven shape to the errors of a model."""
+
+import json
+
+import pytest
+from klab import MODEL, REFERENCE, klab, klab_json, klab_ok
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs") / "infinity"
+    shape = ("--shape", "infinity", "--runs", "2", "--set", "reference.infinity.lap_s=12")
+    klab_ok("reference", *shape, "--lockstep", "--seed", "3", "--out", folder)
+    return folder
+
+
+def test_a_session_says_what_was_driven(runs):
+    summary = json.loads((runs / "summary.json").read_text())
+    assert (summary["what"], summary["shape"]) == ("reference", "infinity")
+    assert (summary["runs"], summary["runs_wanted"], summary["complete"]) == (2, 2, True)
+    assert summary["repeated"] == {}
+    # The lap, and one second each to reach the speed and to stop.
+    assert summary["steps"] == (12 + 2) * 20
+
+
+def test_models_are_measured_beside_the_nominal_one(runs, tmp_path):
+    facts = klab_json("validate", MODEL, runs, "--steps", "20", "--out", tmp_path)
+    surrogate, without, nominal = facts["validations"]
+    assert [v["reprojection"] for v in (surrogate, without, nominal)] == [True, False, None]
+    assert (surrogate["dictionary"], nominal["model"]) == ("D5t", "nominal")
+    for v in (surrogate, without, nominal):
+        assert [e["steps"] for e in v["errors"]] == list(range(1, 21))
+        assert v["runs"] == 2
+        # Every frame of 14 s twice, but those that lost frames and the last second take away.
+        assert 5500 < v["errors"][-1]["starts"] < v["errors"][0]["starts"] < 2 * 14 * 240
+    first, last = surrogate["errors"][0], surrogate["errors"][-1]
+    assert first["position_max_m"] < 0.003
+    assert first["position_mean_m"] < last["position_mean_m"] < last["position_max_m"] < 0.02
+    assert without["errors"][-1]["position_mean_m"] > last["position_mean_m"]
+    assert {p.name for p in tmp_path.iterdir()} == {
+        f"validation.{e}" for e in ("csv", "pdf", "png")
+    }
+    lines = (tmp_path / "validation.csv").read_text().splitlines()
+    assert len(lines) == 1 + 3 * 20
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("train", "{runs}"), "reference runs, which are for `klab validate`"),
+        (("validate", "{model}"), "no reference run"),
+        (("validate", "{model}", "{park}"), "R1_REFERENCE_STATE: no complete reference run"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_words(runs, arguments, says):
+    places = {"runs": runs, "model": MODEL, "park": REFERENCE / "park.lcm"}
+    done = klab(*(a.format(**places) for a in arguments))
+    assert done.returncode == 2
+    assert done.stderr.startswith("klab: ")
+    assert says in done.stderr
