@@ -91,6 +91,9 @@ ModelsAndRuns = Annotated[
         help="Models (.npz, from `klab train`) and sessions of `klab reference`.",
     ),
 ]
+Steps = Annotated[
+    int, typer.Option("--steps", min=1, max=1000, help="How many sampling times to predict.")
+]
 Dictionary = Annotated[
     str | None, typer.Option("--dictionary", metavar="D", help="D5t, D8Eul, D10m, D13t, D12f.")
 ]

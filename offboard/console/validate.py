@@ -6,20 +6,16 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from koopman_lab.errors import DataError
 from offboard.console import options
 from offboard.console.folder import run_path
-from offboard.console.terminal import err, out, progress, show_damage
+from offboard.console.given import models_and_runs
+from offboard.console.terminal import err, out, progress
 
 if TYPE_CHECKING:
-    from koopman_lab.data.decode import SessionLog
     from koopman_lab.koopman.metrics import Errors
-    from koopman_lab.koopman.model import BilinearModel
     from koopman_lab.koopman.validation import Validation
 
 FIGURE = "validation"
@@ -27,9 +23,7 @@ FIGURE = "validation"
 
 def validate(
     given: options.ModelsAndRuns,
-    steps: Annotated[
-        int, typer.Option("--steps", min=1, max=1000, help="How many sampling times to predict.")
-    ] = 20,
+    steps: options.Steps = 20,
     window: options.Window = None,
     out_folder: options.Out = None,
     salvage: options.Salvage = False,
@@ -42,16 +36,10 @@ def validate(
 
     Example: klab validate runs/D8Eul.npz runs/D10m.npz runs/infinity --out runs/validation
     """
-    from koopman_lab.data.reference import reference_runs
     from koopman_lab.figures.validation import draw_validation
-    from koopman_lab.koopman.validation import common_dt_s, require_robot
     from koopman_lab.koopman.validation import validate as measure
 
-    models, logs = models_and_logs(given, salvage=salvage)
-    common_dt_s(models)
-    sessions = [reference_runs(log, window) for log in logs]
-    for runs in sessions:
-        require_robot(models, runs)
+    models, sessions, _ = read = models_and_runs(given, window, salvage=salvage)
     found: list[Validation] = []
     total = len(sessions) * (2 * len(models) + 1)
     with progress("validating") as report:
@@ -66,43 +54,13 @@ def validate(
         raise DataError(
             f"{folder}: cannot be written ({error.strerror}); choose another folder with --out"
         ) from None
-    for log in logs:
-        show_damage(log.path, log.damage)
+    read.show_damage()
     if as_json:
         out.print_json(json.dumps({"steps": steps, "validations": [asdict(v) for v in found]}))
     else:
         for runs in sessions:
             _show([v for v in found if v.session == str(runs.path)], steps)
     err.print(f"figure and numbers: {folder / FIGURE}.png, .pdf, .csv")
-
-
-def models_and_logs(
-    given: Sequence[Path], *, salvage: bool
-) -> tuple[dict[str, BilinearModel], list[SessionLog]]:
-    """Return models by name and logs out of what a person listed together.
-
-    Raises
-    ------
-    LabError
-        If there is not at least one of both, or one cannot be read.
-    """
-    from koopman_lab.data.decode import SessionLog
-    from koopman_lab.data.source import ENDING
-    from koopman_lab.koopman.model import BilinearModel
-
-    files = list(dict.fromkeys(path for path in given if path.suffix == ENDING))
-    others = list(dict.fromkeys(path for path in given if path.suffix != ENDING))
-    if not files or not others:
-        missing = "model (a .npz file of `klab train`)"
-        if files:
-            missing = "reference run (a folder or log of `klab reference`)"
-        raise DataError(f"{', '.join(map(str, given))}: no {missing} among them; name at least one")
-    names = [path.stem for path in files]
-    models = {
-        path.stem if names.count(path.stem) == 1 else str(path): BilinearModel.load(path)
-        for path in files
-    }
-    return models, [SessionLog(path, salvage=salvage) for path in others]
 
 
 MEASURES: dict[str, Callable[[Errors], float]] = {
