@@ -11,6 +11,7 @@ from koopman_lab.bus.node import Port
 from koopman_lab.config.load import dump_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
+from offboard.obstacle import Obstacle
 from offboard.time_server import TimeServer
 
 ONBOARD_TIMEOUT_S = 1.0
@@ -52,17 +53,17 @@ class Freshness:
         """Return whether the motor loop would take commands of this commander."""
         return self.obstacle(commander, now_us) is None
 
-    def obstacle(self, commander: int, now_us: int) -> str | None:
+    def obstacle(self, commander: int, now_us: int) -> Obstacle | None:
         """Return why the motor loop would take no commands of this commander, None if it would."""
         status = self.onboard(now_us)
         if status is None:
-            return "onboard loop silent"
+            return Obstacle("onboard loop silent")
         why = why_stopped(status)
         if why is not None:
-            return f"onboard loop stopped: {why}"
+            return Obstacle(f"onboard loop stopped: {why}", lasting=True)
         if status.commander in (0, commander):
             return None
-        return f"onboard loop held by {commander_name(status.commander)}"
+        return Obstacle(f"onboard loop held by {commander_name(status.commander)}", lasting=True)
 
     def logger(self, now_us: int) -> bool:
         """Return whether the logger is writing down what happens."""
@@ -111,6 +112,11 @@ class Commands:
         if not self._holds:
             intent = lcmtypes.velocity_command_t.BEGIN
         self._send(u, utime, intent)
+
+    def rest(self, utime: int) -> None:
+        """Bring the robot to rest and give it up, as long as the motor loop says it is held."""
+        if self._holds:
+            self.release(utime)
 
     def release(self, utime: int) -> None:
         """Bring the robot to rest and give it up."""

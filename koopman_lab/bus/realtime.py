@@ -213,13 +213,14 @@ def run_node(
     BusError
         If the bus cannot be opened.
     """
+    # First of all: the thread in which LCM receives inherits it, and would be starved without.
+    ask_for_priority(PRIORITIES.get(node.name, PRIORITY))
     port = RealtimePort(node.name, config, open_lcm(config))
     stop = StopSignals()
     with stop.installed():
         try:
             port.attach(node)
             port.listen()
-            ask_for_priority(PRIORITIES.get(node.name, PRIORITY))
             _loop(port, stop, lifeline_fd, tick_times)
         finally:
             node.close()

@@ -376,6 +376,7 @@ class Controller(Section):
     parked_hold_s: NotNegative
     time_limit_s: Positive
     tracking_timeout_s: Positive
+    pause_limit_s: NotNegative
     largest_failures_in_a_row: Annotated[int, Field(ge=1)]
 
 

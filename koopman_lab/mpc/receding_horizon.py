@@ -103,6 +103,11 @@ class RecedingHorizon:
         iterations = sum(plan.iterations for plan in found)
         return Decision(chosen.inputs[0], chosen, bool(usable), iterations, self._failures)
 
+    def restart(self) -> None:
+        """Forget the plan: the robot has stood, or was moved, since it was made."""
+        self._plan = None
+        self._failures = 0
+
     def _before(self, x: NDArray[np.float64]) -> tuple[Plan, list[NDArray[np.float64]]]:
         """Return the plan to go on with if nothing better is found, and the initial guesses."""
         if self._plan is None:

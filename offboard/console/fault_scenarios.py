@@ -13,7 +13,6 @@ from koopman_lab.robot.faults import fault_message
 from koopman_lab.units import US_PER_S
 from offboard.commander import LOGGER_TIMEOUT_S
 from offboard.console.fault_stage import Activity, Stage
-from offboard.controller.controller import STOP_LIMIT_S
 from offboard.sampler.node import SamplerNode
 
 SETTLE_S = 0.25
@@ -22,6 +21,9 @@ COAST_S = 0.4
 """In which motors at zero stop a robot: the logarithm of 0.6 m/s over 1 mm/s, times their lag."""
 ON_THE_WAY_S = 0.05
 """Radio, one camera frame, one tick: what a message or a measurement takes."""
+
+GIVEN_UP_S = 11.0
+"""In which a drive that cannot go on ends: silence noticed, pause, stop."""
 
 Bound = Callable[[LabConfig], float]
 
@@ -60,9 +62,8 @@ def by_low_battery(config: LabConfig) -> float:
 
 
 def by_controller(config: LabConfig, waits_s: float) -> float:
-    """Return the time to rest after the controller's patience (s); it brakes gently."""
-    braking_s = STOP_LIMIT_S if config.robot.kind == "dynamic" else 0.0
-    return waits_s + config.controller.dt_s + ON_THE_WAY_S + braking_s + ramp_s(config)
+    """Return the time to rest after the controller's patience (s): it gives the robot up."""
+    return waits_s + config.controller.dt_s + ON_THE_WAY_S + ramp_s(config)
 
 
 @dataclass(frozen=True)
@@ -154,10 +155,16 @@ SCENARIOS: tuple[Scenario, ...] = (
     Scenario(
         "occlusion for 2 s",
         Inject(Fault(kind="occlusion", duration_s=2.0)),
+        ("DRIVING", "REST", "DRIVING"),
+        watched_s=4.0,
+    ),
+    Scenario(
+        "occlusion for good",
+        Inject(Fault(kind="occlusion")),
         ("DRIVING", "REST"),
         lambda config: by_controller(config, config.controller.tracking_timeout_s),
         "tracking lost",
-        watched_s=4.0,
+        watched_s=GIVEN_UP_S,
     ),
     *(
         Scenario(
@@ -197,6 +204,7 @@ SCENARIOS: tuple[Scenario, ...] = (
         ("WATCHDOG",),
         by_watchdog,
         "onboard loop silent",
+        watched_s=GIVEN_UP_S,
     ),
     Scenario(
         "half of all messages lost for 2 s",
@@ -207,16 +215,14 @@ SCENARIOS: tuple[Scenario, ...] = (
     Scenario(
         "clock jumps 10 s forward",
         Inject(Fault(kind="clock_jump", jump_s=10.0)),
-        ("WATCHDOG",),
-        by_watchdog,
-        "onboard loop silent",
+        ("WATCHDOG", "DRIVING"),
+        watched_s=5.0,
     ),
     Scenario(
         "clock jumps 10 s back",
         Inject(Fault(kind="clock_jump", jump_s=-10.0)),
-        ("WATCHDOG",),
-        by_watchdog,
-        "onboard loop silent",
+        ("WATCHDOG", "DRIVING"),
+        watched_s=5.0,
     ),
     Scenario(
         "clock jumps 0.3 s forward",
@@ -229,14 +235,21 @@ SCENARIOS: tuple[Scenario, ...] = (
         ("WATCHDOG", "DRIVING"),
     ),
     Scenario("controller dies", kill("controller"), ("WATCHDOG",), by_watchdog),
-    Scenario("onboard loop dies", kill("onboard"), ("DRIVING",), by_driver, "onboard loop silent"),
+    Scenario(
+        "onboard loop dies",
+        kill("onboard"),
+        ("DRIVING",),
+        by_driver,
+        "onboard loop silent",
+        watched_s=GIVEN_UP_S,
+    ),
     Scenario(
         "logger dies",
         kill("logger"),
         ("DRIVING", "REST"),
         lambda config: by_controller(config, LOGGER_TIMEOUT_S),
         "logger silent",
-        watched_s=5.0,
+        watched_s=GIVEN_UP_S,
     ),
     Scenario("emergency stop", estop, ("ESTOP",), by_estop, "onboard loop stopped: emergency stop"),
     Scenario("command that is no number", command(math.nan), ("DRIVING",)),
@@ -265,7 +278,7 @@ SCENARIOS: tuple[Scenario, ...] = (
         by_watchdog,
         "ONBOARD_STATUS: silent",
         activity="calibrate",
-        watched_s=5.0,
+        watched_s=GIVEN_UP_S,
     ),
     Scenario("sampler dies", kill("sampler"), ("WATCHDOG",), by_watchdog, activity="calibrate"),
     Scenario(

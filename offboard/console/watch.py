@@ -11,7 +11,7 @@ from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.units import US_PER_S
-from offboard.commander import why_stopped
+from offboard.commander import ONBOARD_TIMEOUT_S, why_stopped
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 LISTEN_S = 0.5
 """Five status messages."""
 PATIENCE_S = 3.0
-"""Longer than any radio hole that a session bridges."""
+"""For a person who has just stopped the robot, and releases it again."""
+REPORT_S = 2.0
+"""In which a controller that gives a silent robot up says so itself."""
 
 
 class RobotWatch:
@@ -36,6 +38,8 @@ class RobotWatch:
     def __init__(self, config: LabConfig, commander: int | None = None) -> None:
         self.commander = commander
         self._channel = ONBOARD_STATUS.name(config.robot.name)
+        # Longer than any radio hole that a session bridges.
+        self._silence_s = ONBOARD_TIMEOUT_S + config.controller.pause_limit_s + REPORT_S
         self._heard_us: int | None = None
         self._stopped_us: int | None = None
         self._why: str | None = None
@@ -59,13 +63,12 @@ class RobotWatch:
         """
         if self._heard_us is None:
             self._heard_us = now_us
-        patience_us = PATIENCE_S * US_PER_S
-        if now_us - self._heard_us > patience_us:
+        if now_us - self._heard_us > self._silence_s * US_PER_S:
             raise LabStateError(
-                f"{self._channel}: silent for {PATIENCE_S:g} s; is the onboard loop running, and "
-                "does the radio reach it? A robot without commands stops by itself"
+                f"{self._channel}: silent for {self._silence_s:g} s; is the onboard loop running, "
+                "and does the radio reach it? A robot without commands stops by itself"
             )
-        if self._stopped_us is not None and now_us - self._stopped_us > patience_us:
+        if self._stopped_us is not None and now_us - self._stopped_us > PATIENCE_S * US_PER_S:
             raise LabStateError(f"{self._channel}: {self._why}")
 
     def _obstacle(self, status: lcmtypes.onboard_status_t) -> str | None:

@@ -1,10 +1,11 @@
-"""The predictive controller as a state machine: wait, drive, stop in one of three ends."""
+"""The predictive controller as a state machine: wait, drive, pause, stop in one of three ends."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +16,11 @@ from koopman_lab.mpc.costs import stage_cost
 from koopman_lab.mpc.receding_horizon import Decision, RecedingHorizon
 from koopman_lab.units import US_PER_S
 from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds
+from offboard.obstacle import Obstacle
 
 REST_SPEED_M_PER_S = 0.01
 REST_TURN_RAD_PER_S = 0.05
 """Slower than this the robot counts as standing; a few times what one encoder count makes."""
-
-BRAKING_STEPS = 4.0
-"""Speeds are braked by this fraction a step: the wheel odometry is two to three steps late, and
-a robot braked by all of its measured speed would swing."""
 
 STOP_LIMIT_S = 2.0
 """The end is reported after this time even if no wheel odometry shows the robot at rest."""
@@ -36,6 +34,14 @@ class State(IntEnum):
     PARKED = 2
     TIME_LIMIT = 3
     FAILED = 4
+    PAUSED = 5
+
+
+class Pause(NamedTuple):
+    """Why the robot was stopped for a while, and for how long in s."""
+
+    reason: str
+    duration_s: float
 
 
 @dataclass(frozen=True)
@@ -48,17 +54,16 @@ class Inputs:
         Camera frames since the last step, in order of arrival.
     wheels
         The newest wheel odometry, None if there is none yet.
-    onboard_ready, logger_ready
-        Whether the motor loop takes commands, and whether the session is written down.
-    onboard_obstacle
-        Why the motor loop takes no commands, if it does not.
+    onboard
+        Why the motor loop takes no commands, None if it does.
+    logger_ready
+        Whether the session is written down.
     """
 
     frames: tuple[Frame, ...]
     wheels: WheelSpeeds | None
-    onboard_ready: bool
+    onboard: Obstacle | None
     logger_ready: bool
-    onboard_obstacle: str = "onboard loop silent or stopped"
 
 
 @dataclass(frozen=True)
@@ -69,6 +74,9 @@ class Outputs:
     ----------
     state
         Of the controller.
+    holds
+        Whether to hold the robot by commands. Otherwise it is given up, and the motor loop brings
+        it to rest: for that it needs neither cameras nor this process.
     u
         Input for the next sampling interval: m/s, rad/s or m/s^2, rad/s^2.
     state_in_goal_frame
@@ -86,6 +94,7 @@ class Outputs:
     """
 
     state: State
+    holds: bool
     u: tuple[float, float]
     state_in_goal_frame: NDArray[np.float64]
     pose_utime: int | None
@@ -118,6 +127,8 @@ class Controller:
         self.goal = goal
         self.reason = ""
         """Why the drive ended, or what it waits for."""
+        self.pauses: list[Pause] = []
+        """Those that have ended."""
         self._settings = config.controller
         self._accelerates = config.robot.kind == "dynamic"
         self._cost = stage_cost(config.controller)
@@ -125,16 +136,20 @@ class Controller:
         self._estimator = StateEstimator(config, goal, optimiser.advance)
         self._started_us = 0
         self._ended_us = 0
+        self._paused_us = 0
         self._inside_since_us: int | None = None
 
     def step(self, seen: Inputs, now_us: int) -> Outputs:
         """Return what to command for the next sampling interval, and what to report."""
         self._estimator.update(seen.frames, seen.wheels, now_us)
         x = self._estimator.state()
+        obstacle = self._obstacle(seen, now_us)
         if self.state is State.WAIT:
-            self._start_if_ready(seen, now_us)
+            self._start_if_ready(obstacle, now_us)
+        if self.state is State.PAUSED:
+            self._resume_or_end(obstacle, now_us)
         if self.state is State.DRIVING and x is not None:
-            self._end_if_due(seen, x, now_us)
+            self._end_if_due(obstacle, x, now_us)
             if self.state is State.DRIVING:
                 decision = self._optimiser.step(x)
                 if decision.failures_in_a_row < self._settings.largest_failures_in_a_row:
@@ -153,50 +168,55 @@ class Controller:
         """Return how long the drive took, or has taken until now."""
         if self.state is State.WAIT:
             return 0.0
-        end_us = now_us if self.state is State.DRIVING else self._ended_us
+        end_us = now_us if self.state in (State.DRIVING, State.PAUSED) else self._ended_us
         return (end_us - self._started_us) / US_PER_S
 
-    def stop_input(self, now_us: int) -> tuple[float, float]:
-        """Return the input that brings the robot to rest."""
-        wheels = self._estimator.wheels
-        if wheels is None or not self._accelerates or not self._estimator.knows_speed(now_us):
-            return 0.0, 0.0
-        largest = self._settings.u_max
-        braking_s = BRAKING_STEPS * self._settings.dt_s
-        a, d_omega = (
-            min(limit, max(-limit, -speed / braking_s))
-            for speed, limit in zip(wheels.velocity, largest, strict=True)
-        )
-        return a, d_omega
-
-    def _start_if_ready(self, seen: Inputs, now_us: int) -> None:
-        obstacle = self._obstacle(seen, now_us)
-        self.reason = "" if obstacle is None else f"waits: {obstacle}"
+    def _start_if_ready(self, obstacle: Obstacle | None, now_us: int) -> None:
+        self.reason = "" if obstacle is None else f"waits: {obstacle.reason}"
         if obstacle is None:
             self.state = State.DRIVING
             self._started_us = now_us
 
-    def _end_if_due(self, seen: Inputs, x: NDArray[np.float64], now_us: int) -> None:
-        obstacle = self._obstacle(seen, now_us)
-        if obstacle is not None:
-            self._end(State.FAILED, obstacle, now_us)
+    def _end_if_due(self, obstacle: Obstacle | None, x: NDArray[np.float64], now_us: int) -> None:
+        if obstacle is not None and obstacle.lasting:
+            self._end(State.FAILED, obstacle.reason, now_us)
+        elif obstacle is not None:
+            self.state, self.reason = State.PAUSED, obstacle.reason
+            self._paused_us = now_us
+            self._inside_since_us = None
         elif self._held_inside(x, now_us):
             self._end(State.PARKED, "parked", now_us)
-        elif now_us - self._started_us >= round(self._settings.time_limit_s * US_PER_S):
+        else:
+            self._end_if_late(now_us)
+
+    def _resume_or_end(self, obstacle: Obstacle | None, now_us: int) -> None:
+        paused_us = now_us - self._paused_us
+        if obstacle is None:
+            self.pauses.append(Pause(self.reason, paused_us / US_PER_S))
+            self.state, self.reason = State.DRIVING, ""
+            self._optimiser.restart()
+        elif obstacle.lasting or paused_us >= round(self._settings.pause_limit_s * US_PER_S):
+            self._end(State.FAILED, obstacle.reason, now_us)
+        else:
+            self.reason = obstacle.reason
+            self._end_if_late(now_us)
+
+    def _end_if_late(self, now_us: int) -> None:
+        if now_us - self._started_us >= round(self._settings.time_limit_s * US_PER_S):
             self._end(State.TIME_LIMIT, f"not parked after {self._settings.time_limit_s} s", now_us)
 
-    def _obstacle(self, seen: Inputs, now_us: int) -> str | None:
+    def _obstacle(self, seen: Inputs, now_us: int) -> Obstacle | None:
         """Return what forbids driving."""
-        if not seen.onboard_ready:
-            return seen.onboard_obstacle
+        if seen.onboard is not None:
+            return seen.onboard
         if not seen.logger_ready:
-            return "logger silent"
+            return Obstacle("logger silent")
         measured_us, frame = self._estimator.measured_us, self._estimator.frame
         timeout_us = self._settings.tracking_timeout_s * US_PER_S
         if frame is None or now_us - frame.utime > timeout_us:
-            return "tracking lost"
+            return Obstacle("tracking lost")
         if measured_us is None or now_us - measured_us > timeout_us:
-            return "wheel odometry lost"
+            return Obstacle("wheel odometry lost")
         return None
 
     def _held_inside(self, x: NDArray[np.float64], now_us: int) -> bool:
@@ -236,14 +256,13 @@ class Controller:
         )
 
     def _standing(self, x: NDArray[np.float64] | None, now_us: int) -> Outputs:
-        outputs = self._report(x, self.stop_input(now_us))
-        if self.state is State.WAIT:
+        outputs = self._report(x, (0.0, 0.0))
+        if self.state in (State.WAIT, State.PAUSED):
             return outputs
         wheels = self._estimator.wheels
         after_end = wheels is not None and wheels.utime > self._ended_us
         stopped = wheels is not None and after_end and _at_rest(*wheels.velocity)
-        # Without odometry nothing more can be done for a robot that rolls: it is braked by the
-        # motor loop as soon as it is given up, or by its watchdog.
+        # Without odometry there is nothing to wait for.
         blind = not self._estimator.knows_speed(now_us)
         late = now_us - self._ended_us >= round(STOP_LIMIT_S * US_PER_S)
         return replace(outputs, finished=stopped or blind or late)
@@ -253,7 +272,9 @@ class Controller:
         if x is not None:
             state_in_goal_frame[: len(x)] = x
         frame = self._estimator.frame
-        return Outputs(self.state, u, state_in_goal_frame, None if frame is None else frame.utime)
+        pose_utime = None if frame is None else frame.utime
+        holds = self.state in (State.WAIT, State.DRIVING)
+        return Outputs(self.state, holds, u, state_in_goal_frame, pose_utime)
 
 
 def _at_rest(v: float, omega: float) -> bool:

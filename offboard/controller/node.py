@@ -89,6 +89,7 @@ class ControllerNode:
             self.controller.duration_s(now_us),
             list(self.solve_ms),
             len(self.trajectory),
+            list(self.controller.pauses),
         )
 
     def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:
@@ -103,19 +104,20 @@ class ControllerNode:
         del tick_us
         assert self._port is not None  # by attach
         now_us, began_s = self._port.now_us(), time.perf_counter()
-        obstacle = self._alive.obstacle(self._commands.number, now_us)
         seen = Inputs(
             tuple(self._frames),
             self._wheels,
-            obstacle is None,
+            self._alive.obstacle(self._commands.number, now_us),
             self._alive.logger(now_us),
-            obstacle or "",
         )
         self._frames.clear()
         outputs = self.controller.step(seen, now_us)
         solve_ms = (time.perf_counter() - began_s) * 1e3
         sent_us = self._port.now_us()
-        self._commands.send(outputs.u, sent_us)
+        if outputs.holds:
+            self._commands.send(outputs.u, sent_us)
+        else:
+            self._commands.rest(sent_us)
         if outputs.state is State.DRIVING:
             self.solve_ms.append(solve_ms)
             state = tuple(map(float, outputs.state_in_goal_frame))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import lcmtypes
 from koopman_lab.geometry import Pose
-from offboard.controller.controller import Outputs
+from offboard.controller.controller import Outputs, Pause
 
 
 class TrajectoryPoint(NamedTuple):
@@ -32,7 +32,7 @@ class ParkOutcome:
     parked
         Whether the robot stood inside the parked bounds for long enough.
     state
-        Name of the controller's state: WAIT, DRIVING, PARKED, TIME_LIMIT or FAILED.
+        Name of the controller's state: WAIT, DRIVING, PARKED, TIME_LIMIT, FAILED or PAUSED.
     reason
         In words.
     final_pose
@@ -43,6 +43,8 @@ class ParkOutcome:
         Wall time of each driving step.
     steps
         Number of driving steps.
+    pauses
+        What stopped the robot for a while, in order.
     """
 
     parked: bool
@@ -52,6 +54,7 @@ class ParkOutcome:
     duration_s: float
     solve_ms: list[float]
     steps: int
+    pauses: list[Pause]
 
 
 def mpc_state(outputs: Outputs, goal: Pose, solve_ms: float, utime: int) -> lcmtypes.mpc_state_t:

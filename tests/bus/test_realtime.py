@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -74,6 +75,15 @@ def test_a_plant_process_keeps_its_rates_and_loses_nothing(config, plant):
     assert (len(poses) - 1) / 240.0 <= seconds + 0.02
     assert seconds <= (len(poses) + skipped + 4) / 240.0
     assert heard["PLANT_HEARTBEAT"][-1].pid == plant[0].pid
+
+
+def test_the_thread_that_receives_goes_before_others_like_the_one_that_computes(config, plant):
+    listener, heard = listen(config, channels.HEARTBEATS["plant"])
+    wait_for(listener, lambda: heard["PLANT_HEARTBEAT"])
+    threads = [int(task.name) for task in Path(f"/proc/{plant[0].pid}/task").iterdir()]
+    assert len(threads) > 1
+    assert len({os.sched_getscheduler(thread) for thread in threads}) == 1
+    assert len({os.sched_getparam(thread).sched_priority for thread in threads}) == 1
 
 
 @pytest.mark.usefixtures("plant")

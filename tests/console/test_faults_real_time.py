@@ -18,7 +18,8 @@ LIMIT_S = 40.0
 BUSY_S = 0.25
 """What other processes on the machine may hold a message up, on top of the bound."""
 WAIT_S = 0.05
-PARK = ("--start", "-1.2", "0.2", "0", "--set", "controller.horizon=20")
+SHORT_PAUSE = ("--set", "controller.pause_limit_s=0.5")
+PARK = ("--start", "-1.2", "0.2", "0", "--set", "controller.horizon=20", *SHORT_PAUSE)
 
 
 class Witness:
@@ -122,7 +123,7 @@ def test_the_sampler_is_killed_while_calibrating(witness, start):
 
 def test_the_onboard_loop_is_killed_while_calibrating(witness, start):
     """Nobody is left who could set the motors to zero but their drivers."""
-    session = start("calibrate", "--segments", "1", *SMALL_AREA)
+    session = start("calibrate", "--segments", "1", *SMALL_AREA, *SHORT_PAUSE)
     struck_us = witness.kill("onboard")
     code, said = witness.end_of(session)
     assert (code, said.count("klab: ")) == (2, 1)

@@ -12,11 +12,14 @@ from koopman_lab.mpc.solver import Plan, make_solver
 from koopman_lab.robot.models import nominal_model
 from offboard.controller.controller import Controller, Inputs, State
 from offboard.controller.estimate import Frame, WheelSpeeds
+from offboard.obstacle import Obstacle
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
 NEAR = Pose(-0.15, 0.02, 0.1)
 SHORT = ("controller.horizon=25",)
 STEP_US = 50_000
+SILENT = Obstacle("onboard loop silent")
+STOPPED = Obstacle("onboard loop stopped: emergency stop", lasting=True)
 
 
 class FailingSolver:
@@ -51,7 +54,7 @@ class Bench:
         self.now_us = 1_000_000
         self.speed = (0.0, 0.0)
 
-    def step(self, *, tracked=True, wheels=True, onboard=True, logger=True):
+    def step(self, *, tracked=True, wheels=True, onboard=None, logger=True):
         """Let one sampling interval pass; return what the controller put out at its start."""
         self.solver.step += 1
         frames = (Frame(self.now_us, Pose(*self.x[:3]), tracked),)
@@ -60,6 +63,8 @@ class Bench:
         odometry = WheelSpeeds(self.now_us, Velocity(*self.speed)) if wheels else None
         outputs = self.controller.step(Inputs(frames, odometry, onboard, logger), self.now_us)
         self.x = self.model.step(self.x, np.array(outputs.u), self.settings.dt_s)
+        if not outputs.holds:
+            self.x[3:] = 0.0  # by the motor loop
         self.now_us += STEP_US
         return outputs
 
@@ -115,11 +120,17 @@ def test_while_driving_it_reports_the_plan():
 
 @pytest.mark.parametrize(
     ("missing", "reason"),
-    [("onboard", "onboard"), ("logger", "logger"), ("tracked", "tracking"), ("wheels", "wheel")],
+    [
+        ({"onboard": SILENT}, "onboard"),
+        ({"onboard": STOPPED}, "stopped"),
+        ({"logger": False}, "logger"),
+        ({"tracked": False}, "tracking"),
+        ({"wheels": False}, "wheel"),
+    ],
 )
 def test_it_waits_for_everything_it_needs(missing, reason):
     bench = Bench("dynamic", NEAR)
-    waiting = bench.run(5, **{missing: False})
+    waiting = bench.run(5, **missing)
     assert {o.state for o in waiting} == {State.WAIT}
     assert {o.u for o in waiting} == {(0.0, 0.0)}
     assert not any(o.finished for o in waiting)
@@ -132,14 +143,43 @@ def test_the_kinematic_robot_needs_no_wheels():
     assert Bench("kinematic", NEAR).step(wheels=False).state is State.DRIVING
 
 
-@pytest.mark.parametrize("missing", ["onboard", "logger"])
-def test_losing_a_companion_ends_the_drive(missing):
+def test_what_a_person_has_to_mend_ends_the_drive():
     bench = Bench("kinematic", NEAR)
     bench.run(3)
-    failed = bench.step(**{missing: False})
+    failed = bench.step(onboard=STOPPED)
     assert failed.state is State.FAILED
     assert failed.u == (0.0, 0.0)
-    assert missing in bench.controller.reason
+    assert bench.controller.reason == STOPPED.reason
+
+
+@pytest.mark.parametrize("missing", [{"onboard": SILENT}, {"logger": False}, {"tracked": False}])
+@pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
+def test_what_comes_back_lets_it_drive_on(robot, missing):
+    bench = Bench(robot, NEAR)
+    bench.run(6)
+    outputs = bench.run(50, **missing)
+    assert outputs[-1].state is State.PAUSED
+    assert not outputs[-1].holds
+    assert bench.run()[-1].state is State.PARKED
+    (pause,) = bench.controller.pauses
+    paused_steps = [o.state for o in outputs].count(State.PAUSED)
+    assert pause.duration_s == pytest.approx(paused_steps * STEP_US * 1e-6)
+
+
+def test_a_pause_counts_as_time():
+    bench = Bench("kinematic", NEAR, (*SHORT, "controller.time_limit_s=2.0"))
+    bench.run(3)
+    assert bench.run(60, logger=False)[-1].state is State.TIME_LIMIT
+    assert bench.controller.duration_s(bench.now_us) == pytest.approx(2.0)
+
+
+def test_it_must_stay_parked_after_a_pause_as_long_as_ever():
+    bench = Bench("kinematic", Pose(0.0, 0.0, 0.0))
+    bench.run(8)
+    bench.run(5, logger=False)
+    outputs = bench.run()
+    hold_steps = round(bench.settings.parked_hold_s / bench.settings.dt_s)
+    assert [o.state for o in outputs].count(State.DRIVING) == hold_steps
 
 
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
@@ -149,7 +189,7 @@ def test_the_time_limit_ends_the_drive_and_stops_the_robot(robot):
     assert [o.state for o in outputs].count(State.DRIVING) == 20
     assert outputs[-1].state is State.TIME_LIMIT
     assert outputs[-1].finished
-    assert np.all(np.abs(bench.x[3:]) <= [0.01, 0.05][: len(bench.x[3:])])
+    assert not outputs[-1].holds
 
 
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
@@ -165,27 +205,28 @@ def test_a_frame_lost_on_the_way_changes_nothing_on_the_nominal_robot(robot):
 
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
 def test_tracking_lost_for_long_ends_the_drive(robot):
-    bench = Bench(robot, NEAR, ("controller.tracking_timeout_s=0.1",))
+    overrides = ("controller.tracking_timeout_s=0.1", "controller.pause_limit_s=1.0")
+    bench = Bench(robot, NEAR, overrides)
     bench.run(6)
     outputs = bench.run(tracked=False)
     states = [o.state for o in outputs]
     # 0.1 s may pass: the frame of the step before is 50 ms old, then 100 ms, then too old.
     assert states[:2] == [State.DRIVING] * 2
-    assert set(states[2:]) == {State.FAILED}
+    assert states[2:22] == [State.PAUSED] * 20
+    assert set(states[22:]) == {State.FAILED}
     assert outputs[-1].finished
     assert bench.controller.reason == "tracking lost"
-    assert np.all(np.abs(bench.x[3:]) <= [0.01, 0.05][: len(bench.x[3:])])
+    assert not outputs[-1].holds
 
 
 def test_a_blind_second_order_robot_is_left_to_the_watchdog_of_the_motor_loop():
-    bench = Bench("dynamic", Pose(-1.0, 0.5, 0.0))
+    bench = Bench("dynamic", Pose(-1.0, 0.5, 0.0), (*SHORT, "controller.pause_limit_s=0.0"))
     bench.run(10)
     outputs = bench.run(wheels=False)
     assert outputs[-1].state is State.FAILED
     assert bench.controller.reason == "wheel odometry lost"
-    # Braking on old speeds would end in driving backwards; the robot is told nothing more.
     assert outputs[-1].finished
-    assert outputs[-1].u == (0.0, 0.0)
+    assert not outputs[-1].holds
 
 
 def test_one_failure_of_the_solver_is_bridged_by_the_plan():
@@ -207,7 +248,7 @@ def test_a_solver_that_keeps_failing_ends_the_drive(robot):
     assert outputs[-1].state is State.FAILED
     assert outputs[-1].finished
     assert "5 times" in bench.controller.reason
-    assert np.all(np.abs(bench.x[3:]) <= [0.01, 0.05][: len(bench.x[3:])])
+    assert not outputs[-1].holds
 
 
 def test_the_end_is_reported_even_if_the_wheels_never_stop():

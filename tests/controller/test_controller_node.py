@@ -83,7 +83,12 @@ def test_the_lab_parks(tmp_path, robot):
         assert 0 < report.pose_age_us < 20_000
     commanded = channels.VELOCITY_CMD if robot == "kinematic" else channels.ACCELERATION_CMD
     commands = lab.messages(commanded)
-    assert [m.utime for m in commands] == [m.utime for m in reports]
+    kind = lcmtypes.mpc_state_t
+    held = [m.utime for m in reports if m.state in (kind.WAIT, kind.DRIVING)]
+    assert [m.utime for m in commands[: len(held)]] == held
+    release = commands[0].RELEASE
+    assert all(m.intent == release for m in commands[len(held) :])
+    assert len(commands) > len(held)
     assert {m.commander for m in commands} == {lcmtypes.velocity_command_t.CONTROLLER}
     info = lab.messages(channels.SESSION_INFO)[0]
     assert info.activity == "park"
