@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import lcmtypes
 from koopman_lab.bus.channels import MOCAP_POSE, REFERENCE_STATE
-from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.schema import LabConfig, RobotKind
 from koopman_lab.data.collect import check_frames
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.processing import margin, states
@@ -21,6 +21,8 @@ from koopman_lab.errors import DataError
 from koopman_lab.robot.models import nominal_model
 from koopman_lab.units import US_PER_S
 
+LATE = 1.1
+"""In control intervals: a command that comes later was not there in time."""
 NO_BASIS = -1
 """In place of the index of a basis input."""
 SHAPES = {
@@ -45,7 +47,8 @@ class Trajectory(NamedTuple):
     command_us
         Times of the inputs (m,) in us; each is held until the next.
     inputs
-        Inputs (m, 2) as logged.
+        Inputs (m, 2) as logged. The second-order robot obeys a command for no longer than its
+        control interval: where the next one came late, zero stands in between.
     """
 
     number: int
@@ -152,8 +155,8 @@ def _trajectory(
     window: int,
     interval_us: int,
 ) -> Trajectory:
-    command_us = driven["utime"].astype(np.int64)
-    start_us, end_us = int(command_us[0]), int(command_us[-1]) + interval_us
+    command_us, inputs = _held(driven, interval_us, config.robot.kind)
+    start_us, end_us = int(driven["utime"][0]), int(driven["utime"][-1]) + interval_us
     rate_hz = config.mocap.rate_hz
     # The robot stands before and after, so that the first and the last state have whole windows.
     around_us = round((margin(window) + 2) / rate_hz * US_PER_S)
@@ -162,18 +165,29 @@ def _trajectory(
         states(segment, config.robot.kind, window)
         for segment in cut([run], frames, frame_rate_hz=rate_hz)
     ]
-    inputs = np.column_stack([driven["u1"], driven["u2"]])
+    n = nominal_model(config.robot.kind).state_dim
     return Trajectory(
         number,
         start_us,
         end_us,
-        np.concatenate([_NO_TIMES, *(piece.utime_us for piece in pieces)]),
-        np.concatenate(
-            [np.zeros((0, nominal_model(config.robot.kind).state_dim)), *(p.x for p in pieces)]
-        ),
+        np.concatenate([np.zeros(0, np.int64), *(piece.utime_us for piece in pieces)]),
+        np.concatenate([np.zeros((0, n)), *(piece.x for piece in pieces)]),
         command_us,
         inputs,
     )
+
+
+def _held(
+    driven: StructuredArray, interval_us: int, kind: RobotKind
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return times (m,) and inputs (m, 2), each in effect until the next."""
+    command_us = driven["utime"].astype(np.int64)
+    inputs = np.column_stack([driven["u1"], driven["u2"]])
+    if kind == "kinematic":
+        return command_us, inputs
+    late = np.flatnonzero(np.diff(command_us) > LATE * interval_us)
+    ends_us = command_us[late] + interval_us
+    return np.insert(command_us, late + 1, ends_us), np.insert(inputs, late + 1, 0.0, axis=0)
 
 
 def mean_inputs(
@@ -193,6 +207,3 @@ def mean_inputs(
 
     means: NDArray[np.float64] = (up_to(since_us + dt_us) - up_to(since_us)) / dt_us
     return means
-
-
-_NO_TIMES: NDArray[np.int64] = np.zeros(0, np.int64)

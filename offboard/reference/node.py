@@ -88,7 +88,7 @@ class ReferenceNode:
         if action.u is not None:
             self._commands.send(action.u, now_us)
         elif action.release:
-            self._commands.release(now_us)
+            self._commands.rest(now_us)
         if action.place:
             self._port.publish(channels.PLANT_RESET, reset_message(self.driver.start, now_us))
         self._send_state(action, now_us)
