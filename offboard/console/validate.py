@@ -73,22 +73,31 @@ MEASURES: dict[str, Callable[[Errors], float]] = {
 }
 
 
+VELOCITIES: dict[str, Callable[[Errors], float]] = {
+    "mean mm/s": lambda e: 1e3 * (e.v_mean_m_per_s or 0.0),
+    "mean deg/s": lambda e: math.degrees(e.omega_mean_rad_per_s or 0.0),
+}
+"""Of the second-order robot."""
+
+
 def _show(validations: Sequence[Validation], steps: int) -> None:
     from rich.table import Table
 
-    first = validations[0]
+    first, one_step = validations[0], validations[0].errors[0]
+    dynamic = one_step is not None and one_step.v_mean_m_per_s is not None
+    measures = MEASURES | (VELOCITIES if dynamic else {})
     out.print(f"{first.session}: {first.runs} runs, {first.shape}")
     for ahead in dict.fromkeys((1, steps)):
         title = f"{ahead} step{'s' if ahead > 1 else ''} ahead"
         table = Table(title, box=None, pad_edge=False, collapse_padding=True)
-        for name in ("starts", *MEASURES):
+        for name in ("starts", *measures):
             table.add_column(name, justify="right")
         for v in validations:
             e = v.errors[ahead - 1]
             cells = (
                 ["0"]
                 if e is None
-                else [str(e.starts), *(f"{of(e):.2f}" for of in MEASURES.values())]
+                else [str(e.starts), *(f"{of(e):.2f}" for of in measures.values())]
             )
             table.add_row(v.label, *cells)
         out.print(table)

@@ -3,7 +3,7 @@
 import json
 
 import numpy as np
-from klab import MODEL, klab, klab_json, klab_ok
+from klab import MODEL, klab_json, klab_ok
 
 from koopman_lab.koopman.model import BilinearModel
 from offboard.console.model import lines
@@ -31,10 +31,3 @@ def test_any_nesting_becomes_lines():
         *("a: 1.23457", "b:", "  c: 1, 2", "  d: none"),
         *("e:", "  0:", "    f: none", "  1:", "    f: yes"),
     ]
-
-
-def test_a_file_that_is_no_model_is_refused(tmp_path):
-    (tmp_path / "a.npz").write_bytes(b"no model")
-    done = klab("model", "info", tmp_path / "a.npz")
-    assert done.returncode == 2
-    assert "not a model" in done.stderr

@@ -3,7 +3,11 @@
 import json
 
 import pytest
-from klab import MODEL, REFERENCE, klab, klab_json, klab_ok
+from klab import MODEL, REFERENCE, klab_json, klab_ok
+
+from koopman_lab.data.dataset import DataSet
+from koopman_lab.errors import DataError
+from offboard.console.given import models_and_runs
 
 
 @pytest.fixture(scope="module")
@@ -44,17 +48,15 @@ def test_models_are_measured_beside_the_nominal_one(runs, tmp_path):
     assert len(lines) == 1 + 3 * 20
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (("train", "{runs}"), "reference runs, which are for `klab validate`"),
-        (("validate", "{model}"), "no reference run"),
-        (("validate", "{model}", "{park}"), "R1_REFERENCE_STATE: no complete reference run"),
-    ],
-)
-def test_what_does_not_fit_is_refused_in_words(runs, arguments, says):
-    places = {"runs": runs, "model": MODEL, "park": REFERENCE / "park.lcm"}
-    done = klab(*(a.format(**places) for a in arguments))
-    assert done.returncode == 2
-    assert done.stderr.startswith("klab: ")
-    assert says in done.stderr
+def test_what_does_not_fit_is_refused_in_words(runs):
+    park = REFERENCE / "park.lcm"
+    with pytest.raises(DataError, match=r"reference runs, which are for `klab validate`"):
+        DataSet.from_log(runs)
+    with pytest.raises(DataError, match=r"model\.npz: no reference run .*`klab reference`"):
+        models_and_runs([MODEL], None, salvage=False)
+    with pytest.raises(DataError, match=r"no model .*`klab train`"):
+        models_and_runs([runs], None, salvage=False)
+    with pytest.raises(
+        DataError, match=r"park\.lcm, R1_REFERENCE_STATE: no complete reference run"
+    ):
+        models_and_runs([MODEL, park], None, salvage=False)
