@@ -63,41 +63,41 @@ def validate(
     err.print(f"figure and numbers: {folder / FIGURE}.png, .pdf, .csv")
 
 
-MEASURES: dict[str, Callable[[Errors], float]] = {
-    "mean mm": lambda e: 1e3 * e.position_mean_m,
-    "95 % mm": lambda e: 1e3 * e.position_p95_m,
-    "max mm": lambda e: 1e3 * e.position_max_m,
-    "mean deg": lambda e: math.degrees(e.angle_mean_rad),
-    "95 % deg": lambda e: math.degrees(e.angle_p95_rad),
-    "max deg": lambda e: math.degrees(e.angle_max_rad),
+POSE: dict[str, Callable[[Errors], float]] = {
+    "mm": lambda e: 1e3 * e.position_mean_m,
+    "95 %": lambda e: 1e3 * e.position_p95_m,
+    "max": lambda e: 1e3 * e.position_max_m,
+    "deg": lambda e: math.degrees(e.angle_mean_rad),
+    "95 % ": lambda e: math.degrees(e.angle_p95_rad),
+    "max ": lambda e: math.degrees(e.angle_max_rad),
 }
-
-
 VELOCITIES: dict[str, Callable[[Errors], float]] = {
-    "mean mm/s": lambda e: 1e3 * (e.v_mean_m_per_s or 0.0),
-    "mean deg/s": lambda e: math.degrees(e.omega_mean_rad_per_s or 0.0),
+    "mm/s": lambda e: 1e3 * (e.v_mean_m_per_s or 0.0),
+    "deg/s": lambda e: math.degrees(e.omega_mean_rad_per_s or 0.0),
 }
 """Of the second-order robot."""
 
 
 def _show(validations: Sequence[Validation], steps: int) -> None:
+    """Print a table for one step and one for the last; they fit into 80 characters."""
     from rich.table import Table
 
     first, one_step = validations[0], validations[0].errors[0]
     dynamic = one_step is not None and one_step.v_mean_m_per_s is not None
-    measures = MEASURES | (VELOCITIES if dynamic else {})
+    measures = POSE | (VELOCITIES if dynamic else {})
     out.print(f"{first.session}: {first.runs} runs, {first.shape}")
+    out.print("mean, 95th percentile, maximum; of velocities the mean")
     for ahead in dict.fromkeys((1, steps)):
-        title = f"{ahead} step{'s' if ahead > 1 else ''} ahead"
-        table = Table(title, box=None, pad_edge=False, collapse_padding=True)
+        out.print(f"\n{ahead} step{'s' if ahead > 1 else ''} ahead")
+        table = Table("model", "reprojected", box=None, pad_edge=False, collapse_padding=True)
         for name in ("starts", *measures):
             table.add_column(name, justify="right")
         for v in validations:
             e = v.errors[ahead - 1]
-            cells = (
-                ["0"]
-                if e is None
-                else [str(e.starts), *(f"{of(e):.2f}" for of in measures.values())]
-            )
-            table.add_row(v.label, *cells)
+            cells = ["0"]
+            if e is not None:
+                cells = [str(e.starts), *(f"{of(e):.2f}" for of in measures.values())]
+            reprojected = "" if v.reprojection is None else "yes" if v.reprojection else "no"
+            table.add_row(v.model, reprojected, *cells)
         out.print(table)
+    out.print()
