@@ -92,7 +92,7 @@ ModelsAndRuns = Annotated[
     ),
 ]
 Steps = Annotated[
-    int, typer.Option("--steps", min=1, max=1000, help="How many sampling times to predict.")
+    int, typer.Option("--steps", min=1, max=100, help="How many sampling times to predict.")
 ]
 Dictionary = Annotated[
     str | None, typer.Option("--dictionary", metavar="D", help="D5t, D8Eul, D10m, D13t, D12f.")

@@ -7,6 +7,7 @@ from klab import MODEL, REFERENCE, klab_json, klab_ok
 
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import DataError
+from offboard.console.figure import dictionaries, multistep
 from offboard.console.given import models_and_runs
 
 
@@ -60,3 +61,13 @@ def test_what_does_not_fit_is_refused_in_words(runs):
         DataError, match=r"park\.lcm, R1_REFERENCE_STATE: no complete reference run"
     ):
         models_and_runs([MODEL, park], None, salvage=False)
+
+
+def test_the_figures_of_the_kinematic_robot_have_no_velocities(runs, tmp_path):
+    multistep([MODEL, runs], tmp_path / "steps", steps=2)
+    dictionaries([MODEL, runs], tmp_path / "open")
+    head = (tmp_path / "steps.csv").read_text().splitlines()[0]
+    assert head.endswith("mean_position_m,mean_angle_rad,largest_position_m,largest_angle_rad")
+    assert {p.stem for p in tmp_path.glob("*.png")} == {"steps", "open"}
+    with pytest.raises(DataError, match="of one model on one session"):
+        multistep([MODEL, runs, runs / "session.lcm"], tmp_path / "no", steps=2)
