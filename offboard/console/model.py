@@ -33,19 +33,18 @@ def info(
 
     Example: klab model info runs/model.npz
     """
+    import numpy as np
+
     from koopman_lab.files import sha256
     from koopman_lab.koopman.model import BilinearModel
 
     model = BilinearModel.load(file)
-    facts: dict[str, Any] = {
-        "file": str(file),
-        "sha256": sha256(file),
-        "robot": model.robot_kind,
-        "dictionary": model.dictionary.name,
-        "observables": list(model.dictionary.names),
-        "dt_s": model.dt_s,
-        "basis_inputs": model.basis_inputs.tolist(),
-    } | dict(model.metadata)
+    with np.load(file, allow_pickle=False) as archive:
+        # As it was written: whatever a version adds to it is shown without a word here.
+        header = json.loads(bytes(archive["header"]))
+    metadata = header.pop("metadata")
+    facts = {"file": str(file), "sha256": sha256(file), **header}
+    facts |= {"basis_inputs": model.basis_inputs.tolist(), **metadata}
     if as_json:
         out.print_json(json.dumps(facts))
         return

@@ -12,6 +12,7 @@ from offboard.console.model import lines
 def test_as_json_it_is_the_whole_metadata():
     facts, model = klab_json("model", "info", MODEL), BilinearModel.load(MODEL)
     assert (facts["robot"], facts["dictionary"], facts["dt_s"]) == ("kinematic", "D5t", 0.05)
+    assert facts["format"] >= 1
     assert facts["observables"] == list(model.dictionary.names)
     assert np.array_equal(facts["basis_inputs"], model.basis_inputs)
     assert len(facts["sha256"]) == 64
