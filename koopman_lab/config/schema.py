@@ -346,6 +346,7 @@ class Processing(Section):
     smoothing_window: Annotated[int, Field(ge=1)]
     discard_start_s: NotNegative
     discard_end_s: NotNegative
+    remove_marker_offset: bool
 
 
 class Model(Section):

@@ -148,10 +148,10 @@ def _in_lockstep(
     limit_s = config.controller.time_limit_s
     try:
         lab.publish(PLANT_RESET, reset_message(start, lab.now_us))
-        with progress("parking") as report:
+        with progress("parking", "s at most") as report:
             lab.run(
                 limit_s + AFTER_LIMIT_S,
-                on_progress=lambda now_s: report(min(now_s, limit_s), limit_s, "s at most"),
+                on_progress=lambda now_s: report(min(now_s, limit_s), limit_s),
             )
     finally:
         lab.close()
@@ -177,7 +177,7 @@ def _in_real_time(
         place(listener, config, start, by_hand="onboard" in there and "plant" not in there)
         begun_us.append(listener.now_us())
 
-    with progress("parking") as report:
+    with progress("parking", "s at most") as report:
 
         def watch() -> None:
             elapsed_s = round((listener.now_us() - begun_us[0]) * 1e-6)
@@ -186,7 +186,7 @@ def _in_real_time(
                     f"controller: still waits after {elapsed_s} s; it needs camera frames, wheel "
                     "odometry, a logger, and an onboard loop without emergency stop"
                 )
-            report(min(elapsed_s, limit_s), limit_s, "s at most")
+            report(min(elapsed_s, limit_s), limit_s)
 
         return in_real_time(
             config,

@@ -18,7 +18,7 @@ Advance = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float6
 
 
 class Frame(NamedTuple):
-    """A camera frame: time of exposure in us, pose in the inertial frame, whether to use it."""
+    """A camera frame: time of exposure in us, the robot's pose in the inertial frame, validity."""
 
     utime: int
     pose: Pose

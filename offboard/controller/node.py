@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry import Pose, Velocity
+from koopman_lab.geometry import ORIGIN, Pose, Velocity, compose, relative_to
 from koopman_lab.mpc.prediction import PredictionModel, load_prediction
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.mpc.solver import BackEnd
@@ -19,7 +20,6 @@ from offboard.controller.estimate import Frame, WheelSpeeds
 from offboard.controller.report import ParkOutcome, TrajectoryPoint, mpc_state
 
 CONTROLLER = lcmtypes.velocity_command_t.CONTROLLER
-ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
 class ControllerNode:
@@ -54,6 +54,9 @@ class ControllerNode:
         prediction = load_prediction(model) if isinstance(model, Path) else model
         optimiser = receding_horizon(prediction, config, back_end)
         self.controller = Controller(config, optimiser, goal)
+        self.marker_offset = prediction.marker_offset
+        """Pose of the tracked frame on the robot, as the model knows it."""
+        self._robot_in_tracked_frame = relative_to(self.marker_offset, ORIGIN)
         self.solver = optimiser.solver
         """What solves, in words for a person."""
         self.solve_ms: list[float] = []
@@ -94,6 +97,9 @@ class ControllerNode:
 
     def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:
         pose = Pose(message.x1_m, message.x2_m, message.theta_rad)
+        # What is no number passes as it is: the estimator refuses it.
+        if all(map(math.isfinite, pose)):
+            pose = compose(pose, self._robot_in_tracked_frame)
         self._frames.append(Frame(message.utime, pose, message.tracking_valid))
 
     def _on_wheels(self, message: lcmtypes.wheel_state_t) -> None:

@@ -36,7 +36,8 @@ class ParkOutcome:
     reason
         In words.
     final_pose
-        Newest valid measured pose relative to the goal, None if there never was one.
+        Newest valid measured pose of the robot (that which the model is of) relative to the goal,
+        None if there never was one.
     duration_s
         From the first driving step to the end of the drive.
     solve_ms
