@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -14,10 +15,12 @@ from koopman_lab.bus.channels import MOCAP_POSE, REFERENCE_STATE
 from koopman_lab.config.schema import LabConfig, RobotKind
 from koopman_lab.data.collect import check_frames
 from koopman_lab.data.decode import SessionLog
+from koopman_lab.data.marker import without_offset
 from koopman_lab.data.processing import margin, states
 from koopman_lab.data.segments import Run, cut, in_time
 from koopman_lab.data.wire import StructuredArray
 from koopman_lab.errors import DataError
+from koopman_lab.geometry import ORIGIN, Pose
 from koopman_lab.robot.models import nominal_model
 from koopman_lab.units import US_PER_S
 
@@ -74,18 +77,22 @@ class ReferenceRuns:
         Name of the shape.
     window
         Of the smoothing (frames).
+    count
+        How many runs.
     start
         Nominal state at the start (n,), at rest.
     trajectories
-        In order of time.
+        Gives the runs in order of time, as seen by a model with this marker offset: the pose of
+        the tracked frame in the frame whose poses the model is of.
     """
 
     path: Path
     config: LabConfig
     shape: str
     window: int
+    count: int
     start: NDArray[np.float64]
-    trajectories: list[Trajectory]
+    trajectories: Callable[[Pose], list[Trajectory]]
 
 
 def reference_runs(log: SessionLog, window: int | None = None) -> ReferenceRuns:
@@ -123,20 +130,18 @@ def reference_runs(log: SessionLog, window: int | None = None) -> ReferenceRuns:
     window = config.processing.smoothing_window if window is None else window
     frames, rate_hz = log.array(MOCAP_POSE), config.mocap.rate_hz
     check_frames(f"{log.path}, {MOCAP_POSE.name(log.robot_name)}", frames["utime"], rate_hz)
-    interval_us = round(config.controller.dt_s * US_PER_S)
     first = driven[0][0]
     start = np.zeros(nominal_model(config.robot.kind).state_dim)
     start[:3] = first["start_x1_m"], first["start_x2_m"], first["start_theta_rad"]
-    return ReferenceRuns(
-        log.path,
-        config,
-        SHAPES[shapes.pop()],
-        window,
-        start,
-        [
-            _trajectory(number, run, frames, config, window, interval_us)
+
+    def trajectories(offset: Pose) -> list[Trajectory]:
+        return [
+            _trajectory(number, run, frames, config, window, offset)
             for number, run in enumerate(driven)
-        ],
+        ]
+
+    return ReferenceRuns(
+        log.path, config, SHAPES[shapes.pop()], window, len(driven), start, trajectories
     )
 
 
@@ -153,18 +158,19 @@ def _trajectory(
     frames: StructuredArray,
     config: LabConfig,
     window: int,
-    interval_us: int,
+    offset: Pose,
 ) -> Trajectory:
+    interval_us = round(config.controller.dt_s * US_PER_S)
     command_us, inputs = _held(driven, interval_us, config.robot.kind)
     start_us, end_us = int(driven["utime"][0]), int(driven["utime"][-1]) + interval_us
     rate_hz = config.mocap.rate_hz
     # The robot stands before and after, so that the first and the last state have whole windows.
     around_us = round((margin(window) + 2) / rate_hz * US_PER_S)
     run = Run(number, NO_BASIS, (0.0, 0.0), start_us - around_us, end_us + around_us)
-    pieces = [
-        states(segment, config.robot.kind, window)
-        for segment in cut([run], frames, frame_rate_hz=rate_hz)
-    ]
+    segments = cut([run], frames, frame_rate_hz=rate_hz)
+    if offset != ORIGIN:
+        segments = [s._replace(poses=without_offset(s.poses, offset)) for s in segments]
+    pieces = [states(segment, config.robot.kind, window) for segment in segments]
     n = nominal_model(config.robot.kind).state_dim
     return Trajectory(
         number,

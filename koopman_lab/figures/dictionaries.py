@@ -10,13 +10,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from koopman_lab.data.reference import ReferenceRuns, mean_inputs
+from koopman_lab.data.reference import ReferenceRuns, Trajectory, mean_inputs
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
-from koopman_lab.koopman.metrics import along, by_model, by_nominal, rolling
+from koopman_lab.koopman.metrics import along, rolling
 from koopman_lab.koopman.model import BilinearModel
-from koopman_lab.koopman.rolling import starts_along
-from koopman_lab.koopman.validation import NOMINAL, Predictor, common_dt_s
+from koopman_lab.koopman.validation import NOMINAL, common_dt_s, predictors, starts_by_offset
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]
@@ -46,16 +45,18 @@ class OpenLoop(NamedTuple):
 
 def open_loop(models: Mapping[str, BilinearModel], runs: ReferenceRuns) -> dict[str, OpenLoop]:
     """Return the predictions of models by name, with reprojection, and of the nominal equations."""
-    dt_s, first = common_dt_s(models), runs.trajectories[0]
+    dt_s = common_dt_s(models)
+    wanted = [p for p in predictors(models) if p.reprojection is not False]
+    first = runs.trajectories(wanted[0].marker_offset)[0]
     dt_us = dt_s * US_PER_S
     begins = np.arange(0.0, first.end_us - first.start_us - 0.5 * dt_us, dt_us)
     inputs = mean_inputs(first, begins, dt_us)
-    starts = starts_along(runs.trajectories, 1, dt_s, runs.config.mocap.rate_hz)
+    starts = starts_by_offset(wanted, runs, 1, dt_s)
     found = {}
-    nominal = Predictor(NOMINAL, by_nominal(runs.config.robot.kind, dt_s))
-    for predictor in (*(Predictor(name, by_model(m)) for name, m in models.items()), nominal):
+    for predictor in wanted:
+        of = starts[predictor.marker_offset]
         path = predictor.predict(runs.start[None], inputs[None])[0]
-        time_s, mean, _ = along(rolling(predictor.predict, starts), starts, dt_s)
+        time_s, mean, _ = along(rolling(predictor.predict, of), of, dt_s)
         found[predictor.model] = OpenLoop(path, time_s, mean[:, 0])
     return found
 
@@ -84,7 +85,8 @@ def draw_dictionaries(
     dt_s = common_dt_s(models)
     for (plane, translation, rotation), runs in zip(columns, sessions, strict=True):
         found = open_loop(models, runs)
-        _draw_plane(plane, runs, found)
+        offset = next(iter(models.values())).marker_offset
+        _draw_plane(plane, runs.shape, runs.trajectories(offset), found)
         for k, (axes, name) in enumerate(((translation, "position"), (rotation, "angle"))):
             _draw_errors(axes, found, k)
             axes.set(xlabel="time (s)", ylabel=f"one-step error, {name} ({UNITS[k][1]})")
@@ -102,8 +104,10 @@ def draw_dictionaries(
     write_csv(_beside(stem, "one-step"), ("shape", "model", "time_s", *measured), errors)
 
 
-def _draw_plane(plane: Axes, runs: ReferenceRuns, found: Mapping[str, OpenLoop]) -> None:
-    driven = [t.x[(t.utime_us >= t.start_us) & (t.utime_us <= t.end_us)] for t in runs.trajectories]
+def _draw_plane(
+    plane: Axes, shape: str, runs: Sequence[Trajectory], found: Mapping[str, OpenLoop]
+) -> None:
+    driven = [t.x[(t.utime_us >= t.start_us) & (t.utime_us <= t.end_us)] for t in runs]
     for x in driven:
         label = f"{len(driven)} runs" if x is driven[0] else None
         plane.plot(x[:, 0], x[:, 1], color="tab:red", alpha=0.25, linewidth=0.8, label=label)
@@ -112,7 +116,7 @@ def _draw_plane(plane: Axes, runs: ReferenceRuns, found: Mapping[str, OpenLoop])
         plane.plot(of.path[:, 0], of.path[:, 1], line, color=_colour(name, k), label=name)
     poses = np.concatenate([*driven, found[NOMINAL].path])[:, :2]
     (left, bottom), (right, top) = poses.min(axis=0) - MARGIN_M, poses.max(axis=0) + MARGIN_M
-    plane.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", title=runs.shape)
+    plane.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", title=shape)
     plane.set(xlabel="$x_1$ (m)", ylabel="$x_2$ (m)")
     plane.grid(visible=True)
 

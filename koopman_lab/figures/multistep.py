@@ -48,7 +48,8 @@ def multi_step(
     name: str, model: BilinearModel, runs: ReferenceRuns, steps: int
 ) -> dict[str, MultiStep]:
     """Return the errors with reprojection, without, and of the nominal equations, by label."""
-    starts = starts_along(runs.trajectories, steps, model.dt_s, runs.config.mocap.rate_hz)
+    trajectories = runs.trajectories(model.marker_offset)
+    starts = starts_along(trajectories, steps, model.dt_s, runs.config.mocap.rate_hz)
     return {
         p.label: MultiStep(p.reprojection, *along(rolling(p.predict, starts), starts, model.dt_s))
         for p in predictors({name: model})

@@ -8,9 +8,11 @@ from typing import Any
 
 from koopman_lab.data.reference import ReferenceRuns
 from koopman_lab.errors import DataError, ModelError
+from koopman_lab.geometry import ORIGIN, Pose
 from koopman_lab.koopman.metrics import (
     Errors,
     Predict,
+    Starts,
     by_model,
     by_nominal,
     per_step,
@@ -26,13 +28,15 @@ NOMINAL = "nominal"
 class Predictor:
     """Something that predicts, by the name of its model.
 
-    ``dictionary`` and ``reprojection`` are None for the nominal equations.
+    ``dictionary`` and ``reprojection`` are None for the nominal equations. ``marker_offset`` is the
+    pose of the tracked frame in the frame whose poses it predicts.
     """
 
     model: str
     predict: Predict
     dictionary: str | None = None
     reprojection: bool | None = None
+    marker_offset: Pose = ORIGIN
 
     @property
     def label(self) -> str:
@@ -90,14 +94,33 @@ def require_robot(models: Mapping[str, BilinearModel], runs: ReferenceRuns) -> N
 
 
 def predictors(models: Mapping[str, BilinearModel]) -> list[Predictor]:
-    """Return each model with and without reprojection, and the nominal equations beside them."""
+    """Return each model with and without reprojection, and the nominal equations beside them.
+
+    The nominal equations see the runs as the first model does.
+    """
     found = [
-        Predictor(name, by_model(model, reproject=reproject), model.dictionary.name, reproject)
+        Predictor(
+            name,
+            by_model(model, reproject=reproject),
+            model.dictionary.name,
+            reproject,
+            model.marker_offset,
+        )
         for name, model in models.items()
         for reproject in (True, False)
     ]
-    kind = next(iter(models.values())).robot_kind
-    return [*found, Predictor(NOMINAL, by_nominal(kind, common_dt_s(models)))]
+    first = next(iter(models.values()))
+    nominal = by_nominal(first.robot_kind, common_dt_s(models))
+    return [*found, Predictor(NOMINAL, nominal, marker_offset=first.marker_offset)]
+
+
+def starts_by_offset(
+    found: Sequence[Predictor], runs: ReferenceRuns, steps: int, dt_s: float
+) -> dict[Pose, Starts]:
+    """Return what predictors start from, by their marker offsets."""
+    rate_hz = runs.config.mocap.rate_hz
+    offsets = dict.fromkeys(predictor.marker_offset for predictor in found)
+    return {o: starts_along(runs.trajectories(o), steps, dt_s, rate_hz) for o in offsets}
 
 
 def validate(
@@ -123,22 +146,23 @@ def validate(
     """
     require_robot(models, runs)
     dt_s = common_dt_s(models)
-    starts = starts_along(runs.trajectories, steps, dt_s, runs.config.mocap.rate_hz)
-    if not len(starts.x0):
+    wanted = predictors(models)
+    starts = starts_by_offset(wanted, runs, steps, dt_s)
+    if not all(len(s.x0) for s in starts.values()):
         raise DataError(
             f"{runs.path}: no two states {dt_s:g} s apart in its runs; see whether the cameras "
             "saw the robot, and lower --window if it is wide"
         )
-    for predictor in predictors(models):
+    for predictor in wanted:
         yield Validation(
             str(runs.path),
             runs.shape,
-            len(runs.trajectories),
+            runs.count,
             predictor.model,
             predictor.label,
             predictor.dictionary,
             predictor.reprojection,
-            per_step(rolling(predictor.predict, starts)),
+            per_step(rolling(predictor.predict, starts[predictor.marker_offset])),
         )
 
 

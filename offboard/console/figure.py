@@ -103,7 +103,7 @@ def multistep(
     (name, model), runs = next(iter(models.items())), sessions[0]
     found = multi_step(name, model, runs, steps)
     with _drawing(file):
-        draw_multi_step(file, found, f"{len(runs.trajectories)} runs, {runs.shape}")
+        draw_multi_step(file, found, f"{runs.count} runs, {runs.shape}")
     read.show_damage()
 
 

@@ -85,14 +85,14 @@ def _in_lockstep(config: LabConfig, folder: RunFolder, shape: Shape) -> dict[str
     node = ReferenceNode(config, shape)
     lab = lockstep_lab(config, folder, node)
     try:
-        with progress("driving") as report:
+        with progress("driving", "runs") as report:
             lab.run(
                 LOCKSTEP_LIMIT_S,
                 on_progress=lambda now_s: report(
                     node.driver.done, node.driver.total, f"{now_s:.0f} s of virtual time"
                 ),
             )
-            report(node.driver.done, node.driver.total, "")
+            report(node.driver.done, node.driver.total)
     finally:
         lab.close()
     return node.summary() | {"missed_deadlines": 0}
@@ -105,7 +105,7 @@ def _in_real_time(
     from koopman_lab.units import US_PER_S
     from offboard.console.session import in_real_time
 
-    with progress("driving") as report:
+    with progress("driving", "runs") as report:
         began = False
         first_us: int | None = None
 
@@ -135,10 +135,10 @@ def _in_real_time(
 
 def _note(state: lcmtypes.reference_state_t) -> str:
     if state.phase != state.PLACE:
-        return "runs"
+        return ""
     degrees = math.degrees(state.start_theta_rad)
     return (
-        f"runs; place the robot at x1 {state.start_x1_m:g} m, x2 {state.start_x2_m:g} m, "
+        f"place the robot at x1 {state.start_x1_m:g} m, x2 {state.start_x2_m:g} m, "
         f"theta {degrees:.0f} deg"
     )
 

@@ -42,11 +42,11 @@ def validate(
     models, sessions, _ = read = models_and_runs(given, window, salvage=salvage)
     found: list[Validation] = []
     total = len(sessions) * (2 * len(models) + 1)
-    with progress("validating") as report:
+    with progress("validating", "predictors") as report:
         for runs in sessions:
             for validation in measure(models, runs, steps):
                 found.append(validation)
-                report(len(found), total, "predictors")
+                report(len(found), total)
     folder = run_path(out_folder, "validation")
     try:
         draw_validation(folder / FIGURE, found)

@@ -11,7 +11,7 @@ from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.logwriter import EventLogWriter
 from koopman_lab.data.reference import reference_runs
 from koopman_lab.errors import DataError
-from koopman_lab.geometry import wrap_angle
+from koopman_lab.geometry import ORIGIN, Pose, compose, wrap_angle
 from koopman_lab.koopman.metrics import by_nominal, per_step, rolling
 from koopman_lab.koopman.rolling import starts_along
 from koopman_lab.robot.models import nominal_model
@@ -83,16 +83,16 @@ class Driven:
 def test_states_and_inputs_are_those_driven(tmp_path, robot):
     driven = Driven(robot)
     runs = reference_runs(driven.log(tmp_path))
-    assert (runs.shape, len(runs.trajectories)) == ("infinity", 2)
+    assert (runs.shape, len(runs.trajectories(ORIGIN))) == ("infinity", 2)
     assert runs.start == pytest.approx(driven.start)
-    for k, t in enumerate(runs.trajectories):
+    for k, t in enumerate(runs.trajectories(ORIGIN)):
         assert np.array_equal(t.inputs, driven.inputs)
         assert t.start_us == EPOCH_US + k * driven.period_us + STAND_US
         assert t.end_us - t.start_us == len(driven.inputs) * DT_US
         # Also the first and the last frame of the run have whole windows.
         assert t.utime_us[0] <= t.start_us
         assert t.utime_us[-1] >= t.end_us
-    starts = starts_along(runs.trajectories, 20, 0.05, 240.0)
+    starts = starts_along(runs.trajectories(ORIGIN), 20, 0.05, 240.0)
     last = per_step(rolling(by_nominal(robot, 0.05), starts))[-1]
     # Smoothing moves a kink of a velocity by an eighth of the window, per unit of the kink.
     kink = np.abs(np.diff([(0.0, 0.0), *driven.inputs, (0.0, 0.0)], axis=0)).max(axis=0)
@@ -107,16 +107,18 @@ def test_a_run_that_was_cut_off_or_that_the_log_lost_a_step_of_is_left_out(tmp_p
     steps = len(driven.inputs)
     del driven.states[-5:], driven.states[7]
     runs = reference_runs(driven.log(tmp_path))
-    assert [t.start_us for t in runs.trajectories] == [EPOCH_US + driven.period_us + STAND_US]
-    assert [t.number for t in runs.trajectories] == [0]
-    assert len(runs.trajectories[0].inputs) == steps
+    assert [t.start_us for t in runs.trajectories(ORIGIN)] == [
+        EPOCH_US + driven.period_us + STAND_US
+    ]
+    assert [t.number for t in runs.trajectories(ORIGIN)] == [0]
+    assert len(runs.trajectories(ORIGIN)[0].inputs) == steps
 
 
 def test_an_acceleration_ends_with_its_interval_though_the_next_command_is_late(tmp_path):
     driven = Driven(runs=1)
     for state in driven.states[30:]:
         state.utime += 60_000
-    late = reference_runs(driven.log(tmp_path)).trajectories[0]
+    late = reference_runs(driven.log(tmp_path)).trajectories(ORIGIN)[0]
     assert late.command_us[30] - late.command_us[29] == DT_US
     assert late.inputs[30] == pytest.approx([0.0, 0.0])
     assert np.array_equal(np.delete(late.inputs, 30, axis=0), driven.inputs)
@@ -135,3 +137,16 @@ def test_two_shapes_in_a_log_are_refused(tmp_path):
         state.shape = Shape.SQUARE
     with pytest.raises(DataError, match="several shapes"):
         reference_runs(driven.log(tmp_path))
+
+
+def test_a_model_that_knows_where_the_markers_are_sees_the_robot(tmp_path):
+    """The markers' poses, seen by such a model, are those that markers on the axle would show."""
+    driven, offset = Driven(runs=1), Pose(0.03, -0.02, 0.1)
+    plain = reference_runs(driven.log(tmp_path)).trajectories(ORIGIN)[0]
+    for frame in driven.frames:
+        seen = compose(Pose(frame.x1_m, frame.x2_m, frame.theta_rad), offset)
+        frame.x1_m, frame.x2_m, frame.theta_rad = seen
+    (tmp_path / "moved").mkdir()
+    robot = reference_runs(driven.log(tmp_path / "moved")).trajectories(offset)[0]
+    assert np.array_equal(robot.utime_us, plain.utime_us)
+    assert np.abs(robot.x - plain.x).max() < 1e-9

@@ -12,6 +12,7 @@ from koopman_lab.config.load import load_config
 from koopman_lab.data.reference import ReferenceRuns
 from koopman_lab.figures.dictionaries import draw_dictionaries, open_loop
 from koopman_lab.figures.multistep import draw_multi_step, multi_step
+from koopman_lab.geometry import ORIGIN
 from koopman_lab.koopman.train import train
 
 STEPS = 30
@@ -21,7 +22,7 @@ STEPS = 30
 def runs():
     driven = [run(steps=STEPS, number=number) for number in (0, 1)]
     config = load_config(robot="dynamic")
-    return ReferenceRuns(Path("a.lcm"), config, "square", 40, driven[0].x[0], driven)
+    return ReferenceRuns(Path("a.lcm"), config, "square", 40, 2, driven[0].x[0], lambda _: driven)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,7 @@ def rows(path):
 def test_open_loop_predictions_of_models_beside_the_nominal_path(runs, models, tmp_path):
     found = open_loop(models, runs)
     assert list(found) == ["D8Eul", "D10m", "nominal"]
-    driven = runs.trajectories[0].x[::12]
+    driven = runs.trajectories(ORIGIN)[0].x[::12]
     assert np.abs(found["nominal"].path[:-1] - driven).max() < 1e-9
     worst = {name: of.one_step[:, 0].max() for name, of in found.items()}
     assert worst["nominal"] < worst["D8Eul"] < worst["D10m"]

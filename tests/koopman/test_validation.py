@@ -14,7 +14,7 @@ from koopman_lab.koopman.train import train
 from koopman_lab.koopman.validation import validate
 
 RUNS = ReferenceRuns(
-    Path("runs/a.lcm"), load_config(robot="dynamic"), "square", 40, np.zeros(5), []
+    Path("runs/a.lcm"), load_config(robot="dynamic"), "square", 40, 0, np.zeros(5), lambda _: []
 )
 
 
