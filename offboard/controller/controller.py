@@ -58,12 +58,15 @@ class Inputs:
         Why the motor loop takes no commands, None if it does.
     logger_ready
         Whether the session is written down.
+    delay_s
+        From this step until a command sent in it acts.
     """
 
     frames: tuple[Frame, ...]
     wheels: WheelSpeeds | None
     onboard: Obstacle | None
     logger_ready: bool
+    delay_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,8 @@ class Outputs:
     u
         Input for the next sampling interval: m/s, rad/s or m/s^2, rad/s^2.
     state_in_goal_frame
-        (5,): m, m, rad, m/s, rad/s; the speeds are zero for the kinematic robot.
+        (5,) when the command acts: m, m, rad, m/s, rad/s; the speeds are zero for the kinematic
+        robot.
     pose_utime
         Exposure time of the newest usable frame in us, None before the first.
     value, stage_cost
@@ -142,7 +146,8 @@ class Controller:
     def step(self, seen: Inputs, now_us: int) -> Outputs:
         """Return what to command for the next sampling interval, and what to report."""
         self._estimator.update(seen.frames, seen.wheels, now_us)
-        x = self._estimator.state()
+        acts_us = now_us + round(seen.delay_s * US_PER_S)
+        x = self._estimator.state(acts_us)
         obstacle = self._obstacle(seen, now_us)
         if self.state is State.WAIT:
             self._start_if_ready(obstacle, now_us)
@@ -153,10 +158,11 @@ class Controller:
             if self.state is State.DRIVING:
                 decision = self._optimiser.step(x)
                 if decision.failures_in_a_row < self._settings.largest_failures_in_a_row:
-                    self._estimator.apply(decision.u)
+                    self._estimator.apply(decision.u, acts_us)
                     return self._driving(x, decision)
                 failures = f"solver failed {decision.failures_in_a_row} times in a row"
                 self._end(State.FAILED, failures, now_us)
+        self._estimator.apply(np.zeros(2), acts_us)
         return self._standing(x, now_us)
 
     def pose(self) -> Pose | None:

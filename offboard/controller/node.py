@@ -13,8 +13,10 @@ from koopman_lab.geometry import Pose, Velocity
 from koopman_lab.mpc.prediction import PredictionModel, load_prediction
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.mpc.solver import BackEnd
+from koopman_lab.units import US_PER_S
 from offboard.commander import Commands, Freshness, SessionInfo
 from offboard.controller.controller import Controller, Inputs, State
+from offboard.controller.delay import LoopDelay
 from offboard.controller.estimate import Frame, WheelSpeeds
 from offboard.controller.report import ParkOutcome, TrajectoryPoint, mpc_state
 
@@ -62,6 +64,7 @@ class ControllerNode:
         self._port: Port | None = None
         self._frames: list[Frame] = []
         self._wheels: WheelSpeeds | None = None
+        self._delay = LoopDelay(config)
 
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
@@ -71,6 +74,9 @@ class ControllerNode:
         SessionInfo(port, self._config, "park")
         port.subscribe(channels.MOCAP_POSE, self._on_pose)
         port.subscribe(channels.WHEEL_STATE, self._on_wheels)
+        port.subscribe(
+            channels.TIME_SYNC, lambda sync: self._delay.saw_round_trip(sync.round_trip_us)
+        )
         port.every(1.0 / self._config.controller.dt_s, self._on_tick)
 
     def close(self) -> None:
@@ -100,6 +106,9 @@ class ControllerNode:
         velocity = Velocity(message.v_m_per_s, message.omega_rad_per_s)
         self._wheels = WheelSpeeds(message.utime, velocity)
 
+    def _on_time_sync(self, message: lcmtypes.time_sync_t) -> None:
+        self._delay.saw_round_trip(message.round_trip_us)
+
     def _on_tick(self, tick_us: int) -> None:
         del tick_us
         assert self._port is not None  # by attach
@@ -109,6 +118,7 @@ class ControllerNode:
             self._wheels,
             self._alive.obstacle(self._commands.number, now_us),
             self._alive.logger(now_us),
+            self._delay.estimate_s(),
         )
         self._frames.clear()
         outputs = self.controller.step(seen, now_us)
@@ -122,6 +132,7 @@ class ControllerNode:
             self.solve_ms.append(solve_ms)
             state = tuple(map(float, outputs.state_in_goal_frame))
             self.trajectory.append(TrajectoryPoint(sent_us, state, outputs.u, outputs.value))
+        self._delay.took((sent_us - now_us) / US_PER_S)
         # In lockstep time on the wall means nothing, and logs are the same byte by byte.
         published_ms = 0.0 if self._port.virtual else solve_ms
         report = mpc_state(outputs, self.controller.goal, published_ms, sent_us)
