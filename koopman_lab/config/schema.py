@@ -362,6 +362,13 @@ class Weights(Section):
     r: tuple[Positive, Positive]
 
 
+class Area(Section):
+    """A rectangle of the floor."""
+
+    x1_m: Pair
+    x2_m: Pair
+
+
 class Controller(Section):
     """The predictive controller."""
 
@@ -372,6 +379,7 @@ class Controller(Section):
     use_compiler: bool
     u_max: tuple[Positive, Positive]
     weights: dict[Literal["me"], Weights]
+    goal_area: Area
     parked_position_m: Pair
     parked_angle_rad: Positive
     parked_hold_s: NotNegative

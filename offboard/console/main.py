@@ -13,6 +13,7 @@ from offboard.console.demo import demo
 from offboard.console.doctor import doctor
 from offboard.console.estop import estop
 from offboard.console.fault import fault
+from offboard.console.goal import goal
 from offboard.console.park import park
 from offboard.console.reference import reference
 from offboard.console.replay import replay
@@ -42,6 +43,7 @@ for command in (
     validate,
     replay,
     rerun,
+    goal,
     estop,
     fault,
     doctor,

@@ -60,6 +60,7 @@ def park(
     from koopman_lab.mpc.prediction import KoopmanPrediction
     from koopman_lab.mpc.receding_horizon import receding_horizon
     from offboard.console.watch import ear
+    from offboard.controller.goal import require_reachable
 
     loaded = BilinearModel.load(model)
     wanted = list(overrides or ())
@@ -72,6 +73,7 @@ def park(
     loaded.require_robot(lab.robot.kind)
     # Made once for what it refuses, before anything is started or written.
     receding_horizon(KoopmanPrediction(loaded), lab)
+    require_reachable(options.pose_of(goal), lab.controller)
     listener = ear(lab, lockstep=lockstep)
     folder = new_folder(out, "park", lab)
     typed = start if start is not None else STARTS[lab.robot.kind]
@@ -118,7 +120,7 @@ def drive(
             facts = _in_lockstep(config, folder, model, start, goal)
         else:
             facts = _in_real_time(config, folder, model, start, goal, listener)
-    return write_park(folder, config, facts, goal)
+    return write_park(folder, config, facts)
 
 
 def show(folder: RunFolder, summary: dict[str, Any]) -> None:

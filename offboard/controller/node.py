@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from pathlib import Path
@@ -10,6 +11,7 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import LabStateError
 from koopman_lab.geometry import ORIGIN, Pose, Velocity, compose, relative_to
 from koopman_lab.mpc.prediction import PredictionModel, load_prediction
 from koopman_lab.mpc.receding_horizon import receding_horizon
@@ -77,9 +79,8 @@ class ControllerNode:
         SessionInfo(port, self._config, "park")
         port.subscribe(channels.MOCAP_POSE, self._on_pose)
         port.subscribe(channels.WHEEL_STATE, self._on_wheels)
-        port.subscribe(
-            channels.TIME_SYNC, lambda sync: self._delay.saw_round_trip(sync.round_trip_us)
-        )
+        port.subscribe(channels.GOAL, self._on_goal)
+        port.subscribe(channels.TIME_SYNC, self._on_time_sync)
         port.every(1.0 / self._config.controller.dt_s, self._on_tick)
 
     def close(self) -> None:
@@ -99,6 +100,7 @@ class ControllerNode:
             list(self.solve_ms),
             len(self.trajectory),
             list(self.controller.pauses),
+            self.controller.goal,
         )
 
     def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:
@@ -111,6 +113,16 @@ class ControllerNode:
     def _on_wheels(self, message: lcmtypes.wheel_state_t) -> None:
         velocity = Velocity(message.v_m_per_s, message.omega_rad_per_s)
         self._wheels = WheelSpeeds(message.utime, velocity)
+
+    def _on_goal(self, message: lcmtypes.goal_t) -> None:
+        assert self._port is not None  # by attach
+        now_us = self._port.now_us()
+        # A goal in a replayed log is not meant for the robot of today.
+        if abs(now_us - message.utime) > self._config.motor_loop.command_lifetime_s * US_PER_S:
+            return
+        goal = Pose(message.goal_x1_m, message.goal_x2_m, message.goal_theta_rad)
+        with contextlib.suppress(LabStateError):  # MPC_STATE goes on to name the old one
+            self.controller.move_goal(goal, now_us)
 
     def _on_time_sync(self, message: lcmtypes.time_sync_t) -> None:
         self._delay.saw_round_trip(message.round_trip_us)

@@ -46,6 +46,8 @@ class ParkOutcome:
         Number of driving steps.
     pauses
         What stopped the robot for a while, in order.
+    goal
+        The last one, in the inertial frame.
     """
 
     parked: bool
@@ -56,6 +58,7 @@ class ParkOutcome:
     solve_ms: list[float]
     steps: int
     pauses: list[Pause]
+    goal: Pose
 
 
 def mpc_state(outputs: Outputs, goal: Pose, solve_ms: float, utime: int) -> lcmtypes.mpc_state_t:
