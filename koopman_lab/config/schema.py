@@ -311,6 +311,34 @@ class Sampler(Section):
         return dict(enumerate(self.basis_inputs, start=3 - len(self.basis_inputs)))
 
 
+class InfinityShape(Section):
+    """A lying eight at constant speed, from a stand on the straight line to its crossing."""
+
+    start_pose: Triple
+    speed_m_per_s: Positive
+    lap_s: Positive
+
+
+class SquareShape(Section):
+    """Four straight sides, a turn on the spot to the left after each."""
+
+    start_pose: Triple
+    speed_m_per_s: Positive
+    side_m: Positive
+    turn_speed_rad_per_s: Positive
+
+
+class Reference(Section):
+    """Runs that models are validated with."""
+
+    runs: Annotated[int, Field(ge=1)]
+    acceleration_m_per_s2: Positive
+    turn_acceleration_rad_per_s2: Positive
+    settle_s: NotNegative
+    infinity: InfinityShape
+    square: SquareShape
+
+
 class Processing(Section):
     """From a session log to a data set."""
 
@@ -318,6 +346,7 @@ class Processing(Section):
     smoothing_window: Annotated[int, Field(ge=1)]
     discard_start_s: NotNegative
     discard_end_s: NotNegative
+    remove_marker_offset: bool
 
 
 class Model(Section):
@@ -353,6 +382,13 @@ class OffsetFree(Section):
     largest_rad_per_s: Positive
 
 
+class Area(Section):
+    """A rectangle of the floor."""
+
+    x1_m: Pair
+    x2_m: Pair
+
+
 class Controller(Section):
     """The predictive controller."""
 
@@ -366,6 +402,7 @@ class Controller(Section):
     u_max: tuple[Positive, Positive]
     speed_max: tuple[Positive, Positive] | None
     weights: dict[CostName, Weights]
+    goal_area: Area
     parked_position_m: Pair
     parked_angle_rad: Positive
     parked_hold_s: NotNegative
@@ -395,6 +432,7 @@ class LabConfig(Section):
     mocap: Mocap
     logger: Logger
     sampler: Sampler
+    reference: Reference
     processing: Processing
     model: Model
     controller: Controller

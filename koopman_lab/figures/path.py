@@ -68,7 +68,7 @@ def draw_paths(stem: Path, curves: Sequence[Curve]) -> None:
         values.semilogy(time_s[marked], value[marked], "o", color=color, markersize=4)
     plane.plot(0.0, 0.0, "x", color="tab:red", markersize=10, markeredgewidth=2)
     plane.set(xlabel="$x_1$ (m)", ylabel="$x_2$ (m)", title="path, goal at the cross")
-    plane.set_aspect("equal", adjustable="datalim")
+    plane.set_aspect("equal", adjustable="box")
     plane.grid(visible=True)
     if len(curves) > 1:
         plane.legend(fontsize="small")

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import RobotKind
+from koopman_lab.geometry import ORIGIN, Pose
 from koopman_lab.koopman.dictionary import Dictionary
 from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.mpc.costs import QuadraticInObservables, StageCost
@@ -50,6 +51,10 @@ class PredictionModel(Protocol):
     @property
     def dt_s(self) -> float:
         """Sampling time in s."""
+
+    @property
+    def marker_offset(self) -> Pose:
+        """Pose of the tracked frame in the frame whose pose the states hold."""
 
     @property
     def parameters(self) -> NDArray[np.float64]:
@@ -123,6 +128,7 @@ class NominalPrediction(_OfTheState):
     def __init__(self, kind: RobotKind, dt_s: float) -> None:
         self.robot_kind: RobotKind = kind
         self.dt_s = dt_s
+        self.marker_offset = ORIGIN
         self._model = nominal_model(kind)
         self.state_dim = self._model.state_dim
         self.parameters = np.array([dt_s])
@@ -147,6 +153,7 @@ class KoopmanPrediction(_OfTheState):
         self.dictionary: Dictionary | None = model.dictionary
         self.state_dim = model.state_dim
         self.dt_s = model.dt_s
+        self.marker_offset = model.marker_offset
         self.parameters = model.parameters
         self.model = model
         self._step = model.casadi_step()
@@ -177,6 +184,7 @@ class LiftedPrediction:
         self.size = model.dictionary.size
         self.speeds_at = tuple(row for row in model.dictionary.state_rows[3:] if row is not None)
         self.dt_s = model.dt_s
+        self.marker_offset = model.marker_offset
         self.parameters = model.parameters
         self._observables = model.dictionary
         self._step = model.casadi_lifted_step()

@@ -80,6 +80,7 @@ class RecedingHorizon:
         disturbance: DisturbanceEstimator | None = None,
     ) -> None:
         self.back_end = solver
+        """What solves; may be replaced between two steps."""
         self._rollout = rollout
         self._u_max = np.asarray(u_max, dtype=float)
         self._dt_s = dt_s

@@ -16,7 +16,7 @@ from offboard.console import options
 from offboard.console.terminal import err, out, progress, show_damage
 
 if TYPE_CHECKING:
-    from koopman_lab.koopman.heldout import Errors
+    from koopman_lab.koopman.metrics import Errors
     from koopman_lab.koopman.sweep import Entry, SweepRow
 
 
@@ -53,7 +53,7 @@ def sweep(
     name = dictionary or config.model.dictionary
     rows = []
     observables = dictionaries.dictionary(name, config.robot.kind).names
-    with progress("fitting") as report:
+    with progress("fitting", "windows") as report:
         for row in fits(log, wanted, name):
             rows.append(row)
             report(len(rows), len(wanted), f"window {row.window}")

@@ -38,6 +38,7 @@ class Sight(NamedTuple):
     utime: int
     x1_m: float
     x2_m: float
+    theta_rad: float
     v_m_per_s: float
     omega_rad_per_s: float
 
@@ -52,6 +53,8 @@ class Mortal:
         self.name = node.name
         self.alive = True
         self.finished = False
+        self.muted: set[str] = set()
+        """Suffixes of channels on which nothing is said any more."""
         self._node = node
 
     def attach(self, port: Port) -> None:
@@ -72,7 +75,7 @@ class _MortalPort:
         self.now_us, self.lost_messages = port.now_us, port.lost_messages
 
     def publish(self, channel: Channel[M], message: M) -> None:
-        if self._owner.alive:
+        if self._owner.alive and channel.suffix not in self._owner.muted:
             self._port.publish(channel, message)
 
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
@@ -104,7 +107,9 @@ class Witness:
         """Nothing is held."""
 
     def _on_truth(self, t: lcmtypes.plant_truth_t) -> None:
-        self.sights.append(Sight(t.utime, t.x1_m, t.x2_m, t.v_m_per_s, t.omega_rad_per_s))
+        self.sights.append(
+            Sight(t.utime, t.x1_m, t.x2_m, t.theta_rad, t.v_m_per_s, t.omega_rad_per_s)
+        )
 
 
 class Stage:

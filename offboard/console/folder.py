@@ -42,14 +42,31 @@ class RunFolder:
         return self.path / "processes" / f"{name}.log"
 
     def write_summary(self, config: LabConfig, facts: dict[str, Any]) -> None:
-        """Write ``summary.json``: the facts, and what the run was made with."""
+        """Write ``summary.json``: the facts, and what the run was made with.
+
+        Raises
+        ------
+        LabStateError
+            If it cannot be written.
+        """
         made_with = {
             "robot": config.robot.kind,
             "seed": config.seed,
             "version": version("koopman-lab"),
             "revision": _revision(),
         }
-        write_json(self.summary, facts | made_with)
+        try:
+            write_json(self.summary, facts | made_with)
+        except OSError as error:
+            raise LabStateError(
+                f"{self.summary}: cannot be written ({error.strerror}); make room on the disk. "
+                f"What was recorded is whole: {self.log}"
+            ) from None
+
+
+def run_path(out: Path | None, what: str) -> Path:
+    """Return the folder a person named, or one in ``runs`` by the present time."""
+    return out if out is not None else Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{what}"
 
 
 def new_folder(out: Path | None, what: str, config: LabConfig) -> RunFolder:
@@ -60,8 +77,7 @@ def new_folder(out: Path | None, what: str, config: LabConfig) -> RunFolder:
     LabStateError
         If the folder holds a run already, or cannot be made.
     """
-    stamp = time.strftime("%Y%m%d-%H%M%S")
-    folder = RunFolder(out if out is not None else Path("runs") / f"{stamp}-{what}")
+    folder = RunFolder(run_path(out, what))
     if folder.log.exists() or folder.summary.exists():
         raise LabStateError(f"{folder.path}: holds a run already; choose another folder with --out")
     try:

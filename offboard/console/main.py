@@ -7,19 +7,22 @@ import sys
 import typer
 
 from koopman_lab.errors import LabError
-from offboard.console import bench, dataset, figure, log, run, study
+from offboard.console import bench, dataset, figure, log, model, run, study
 from offboard.console.calibrate import calibrate
 from offboard.console.demo import demo
 from offboard.console.doctor import doctor
 from offboard.console.estop import estop
 from offboard.console.fault import fault
+from offboard.console.goal import goal
 from offboard.console.park import park
+from offboard.console.reference import reference
 from offboard.console.replay import replay
 from offboard.console.rerun import rerun
 from offboard.console.simulate import simulate
 from offboard.console.terminal import err
 from offboard.console.train import train
 from offboard.console.up import up
+from offboard.console.validate import validate
 
 EXPECTED_MISTAKE = 2
 INTERRUPTED = 130
@@ -31,11 +34,27 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, up, calibrate, train, park, simulate, replay, rerun, estop, fault, doctor):
+for command in (
+    demo,
+    up,
+    calibrate,
+    train,
+    park,
+    simulate,
+    reference,
+    validate,
+    replay,
+    rerun,
+    goal,
+    estop,
+    fault,
+    doctor,
+):
     app.command()(command)
 app.add_typer(run.app, name="run")
 app.add_typer(log.app, name="log")
 app.add_typer(dataset.app, name="dataset")
+app.add_typer(model.app, name="model")
 app.add_typer(figure.app, name="figure")
 app.add_typer(bench.app, name="bench")
 app.add_typer(study.app, name="study")

@@ -8,7 +8,6 @@ import numpy as np
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.files import write_csv
-from koopman_lab.geometry import Pose
 from koopman_lab.studies.closed_loop import COLUMNS
 from offboard.console.folder import RunFolder
 from offboard.controller.node import ControllerNode
@@ -25,7 +24,9 @@ def outcome_facts(node: ControllerNode, missed_deadlines: int) -> dict[str, Any]
         "parked": outcome.parked,
         "state": outcome.state,
         "reason": outcome.reason,
+        "goal": list(outcome.goal),
         "final_pose": list(outcome.final_pose) if outcome.final_pose else None,
+        "marker_offset": list(node.marker_offset),
         "duration_s": outcome.duration_s,
         "pauses": [pause._asdict() for pause in outcome.pauses],
         "solver": node.solver,
@@ -35,9 +36,7 @@ def outcome_facts(node: ControllerNode, missed_deadlines: int) -> dict[str, Any]
     }
 
 
-def write_park(
-    folder: RunFolder, config: LabConfig, facts: dict[str, Any], goal: Pose
-) -> dict[str, Any]:
+def write_park(folder: RunFolder, config: LabConfig, facts: dict[str, Any]) -> dict[str, Any]:
     """Write trajectory, figure and summary; return the summary.
 
     Raises
@@ -63,7 +62,8 @@ def write_park(
         "state": facts["state"],
         "reason": facts["reason"],
         "final_pose": facts["final_pose"],
-        "goal": list(goal),
+        "goal": facts["goal"],
+        "marker_offset": facts["marker_offset"],
         "duration_s": facts["duration_s"],
         "pauses": facts["pauses"],
         "steps": len(rows),

@@ -11,6 +11,7 @@ import typer
 from koopman_lab.config.schema import RobotKind
 from koopman_lab.errors import ModelError
 from offboard.console import options
+from offboard.console.marker import marker_line
 from offboard.console.terminal import err, out, show_damage
 
 if TYPE_CHECKING:
@@ -86,9 +87,13 @@ def learn(
         ) from None
     show_damage(opened.file, opened.damage)
     if as_json:
-        out.print_json(json.dumps(report.as_dict() | {"model": str(path)}))
+        marker = opened.dataset.metadata.get("marker")
+        out.print_json(json.dumps(report.as_dict() | {"model": str(path), "marker": marker}))
     else:
         _show(report)
+        line = marker_line(opened.dataset.metadata)
+        if line:
+            out.print(line)
         err.print(f"model: {path}")
     return path
 

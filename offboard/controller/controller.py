@@ -15,6 +15,7 @@ from koopman_lab.geometry import Pose, relative_to, wrap_angle
 from koopman_lab.mpc.receding_horizon import Decision, RecedingHorizon
 from koopman_lab.units import US_PER_S
 from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds
+from offboard.controller.goal import require_reachable
 from offboard.obstacle import Obstacle
 
 REST_SPEED_M_PER_S = 0.01
@@ -123,10 +124,16 @@ class Controller:
         Made for the same configuration, and used by nobody else.
     goal
         Goal pose in the inertial frame.
+
+    Raises
+    ------
+    LabStateError
+        If the robot must not be sent there.
     """
 
     def __init__(self, config: LabConfig, optimiser: RecedingHorizon, goal: Pose) -> None:
         self.state = State.WAIT
+        require_reachable(goal, config.controller)
         self.goal = goal
         self.reason = ""
         """Why the drive ended, or what it waits for."""
@@ -134,9 +141,11 @@ class Controller:
         """Those that have ended."""
         self._settings = config.controller
         self._accelerates = config.robot.kind == "dynamic"
-        self._optimiser = optimiser
+        self.optimiser = optimiser
+        """What finds the inputs."""
         self._estimator = StateEstimator(config, goal, optimiser.advance)
         self._started_us = 0
+        self._goal_us = 0
         self._ended_us = 0
         self._paused_us = 0
         self._inside_since_us: int | None = None
@@ -154,7 +163,7 @@ class Controller:
         if self.state is State.DRIVING and x is not None:
             self._end_if_due(obstacle, x, now_us)
             if self.state is State.DRIVING:
-                decision = self._optimiser.step(x)
+                decision = self.optimiser.step(x)
                 if decision.failures_in_a_row < self._settings.largest_failures_in_a_row:
                     self._estimator.apply(decision.u, acts_us)
                     return self._driving(x, decision)
@@ -162,6 +171,23 @@ class Controller:
                 self._end(State.FAILED, failures, now_us)
         self._estimator.apply(np.zeros(2), acts_us)
         return self._standing(x, now_us)
+
+    def move_goal(self, goal: Pose, now_us: int) -> None:
+        """Drive to another goal, with the whole time limit before it.
+
+        Raises
+        ------
+        LabStateError
+            If the robot must not be sent there; the old goal stays.
+        """
+        require_reachable(goal, self._settings)
+        if goal == self.goal:
+            return
+        self.goal = goal
+        self._goal_us = now_us
+        self._inside_since_us = None
+        self._estimator.move_goal(goal)
+        self.optimiser.restart()
 
     def pose(self) -> Pose | None:
         """Return the newest usable measured pose relative to the goal."""
@@ -179,7 +205,7 @@ class Controller:
         self.reason = "" if obstacle is None else f"waits: {obstacle.reason}"
         if obstacle is None:
             self.state = State.DRIVING
-            self._started_us = now_us
+            self._started_us = self._goal_us = now_us
 
     def _end_if_due(self, obstacle: Obstacle | None, x: NDArray[np.float64], now_us: int) -> None:
         if obstacle is not None and obstacle.lasting:
@@ -198,7 +224,7 @@ class Controller:
         if obstacle is None:
             self.pauses.append(Pause(self.reason, paused_us / US_PER_S))
             self.state, self.reason = State.DRIVING, ""
-            self._optimiser.restart()
+            self.optimiser.restart()
         elif obstacle.lasting or paused_us >= round(self._settings.pause_limit_s * US_PER_S):
             self._end(State.FAILED, obstacle.reason, now_us)
         else:
@@ -206,7 +232,7 @@ class Controller:
             self._end_if_late(now_us)
 
     def _end_if_late(self, now_us: int) -> None:
-        if now_us - self._started_us >= round(self._settings.time_limit_s * US_PER_S):
+        if now_us - self._goal_us >= round(self._settings.time_limit_s * US_PER_S):
             self._end(State.TIME_LIMIT, f"not parked after {self._settings.time_limit_s} s", now_us)
 
     def _obstacle(self, seen: Inputs, now_us: int) -> Obstacle | None:
@@ -215,11 +241,11 @@ class Controller:
             return seen.onboard
         if not seen.logger_ready:
             return Obstacle("logger silent")
-        measured_us, frame = self._estimator.measured_us, self._estimator.frame
+        frame = self._estimator.frame
         timeout_us = self._settings.tracking_timeout_s * US_PER_S
         if frame is None or now_us - frame.utime > timeout_us:
             return Obstacle("tracking lost")
-        if measured_us is None or now_us - measured_us > timeout_us:
+        if not self._estimator.is_complete(now_us):
             return Obstacle("wheel odometry lost")
         return None
 
@@ -253,7 +279,7 @@ class Controller:
         return replace(
             self._report(x, (float(decision.u[0]), float(decision.u[1]))),
             value=plan.value,
-            stage_cost=self._optimiser.stage_cost(x, decision.u),
+            stage_cost=self.optimiser.stage_cost(x, decision.u),
             iterations=decision.iterations,
             solved=decision.solved,
             predicted=plan.states[:, :2] @ turn.T + np.array(self.goal[:2]),

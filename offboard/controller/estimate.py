@@ -19,7 +19,7 @@ Advance = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float6
 
 
 class Frame(NamedTuple):
-    """A camera frame: time of exposure in us, pose in the inertial frame, whether to use it."""
+    """A camera frame: time of exposure in us, the robot's pose in the inertial frame, validity."""
 
     utime: int
     pose: Pose
@@ -31,6 +31,16 @@ class WheelSpeeds(NamedTuple):
 
     utime: int
     velocity: Velocity
+
+
+def oldest_wheels_s(config: LabConfig) -> float:
+    """Return the age (s) over which wheel odometry counts as lost.
+
+    It is a period and half a window old by its nature; the timeout comes on top.
+    """
+    loop = config.motor_loop
+    by_nature_s = 1.0 / loop.wheel_state_rate_hz + 0.5 * loop.wheel_state_window_s
+    return config.controller.tracking_timeout_s + by_nature_s
 
 
 class StateEstimator:
@@ -53,7 +63,6 @@ class StateEstimator:
     """
 
     def __init__(self, config: LabConfig, goal: Pose, advance: Advance) -> None:
-        loop = config.motor_loop
         self.frame: Frame | None = None
         """The newest frame that could be used."""
         self.wheels: WheelSpeeds | None = None
@@ -65,9 +74,7 @@ class StateEstimator:
         self._advance = advance
         self._dt_s = config.controller.dt_s
         self._uses_wheels = config.robot.kind == "dynamic"
-        # A message is this old by its nature; only what comes on top is a loss.
-        nature_s = 1.0 / loop.wheel_state_rate_hz + 0.5 * loop.wheel_state_window_s
-        self._oldest_wheels_us = (config.controller.tracking_timeout_s + nature_s) * US_PER_S
+        self._oldest_wheels_us = oldest_wheels_s(config) * US_PER_S
         self._theta: float | None = None
         self._measured: NDArray[np.float64] | None = None
         self._inputs = InputHistory()
@@ -95,9 +102,20 @@ class StateEstimator:
             x = x + duration_s / self._dt_s * (self._advance(x, u) - x)
         return x
 
+    def move_goal(self, goal: Pose) -> None:
+        """Give the state relative to another goal from the next measurement on."""
+        self._goal = goal
+        self._theta = None
+        self._measured = None
+
     def knows_speed(self, now_us: int) -> bool:
         """Return whether the newest wheel odometry is young enough to act on."""
         return self.wheels is not None and now_us - self.wheels.utime <= self._oldest_wheels_us
+
+    def is_complete(self, now_us: int) -> bool:
+        """Return whether there is a state, and what it needs of the wheels still comes."""
+        wheels_come = not self._uses_wheels or self.knows_speed(now_us)
+        return self._measured is not None and wheels_come
 
     def apply(self, u: NDArray[np.float64], from_us: int) -> None:
         """Note the input (2,) that acts from a time (us) until that of the next one."""

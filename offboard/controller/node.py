@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import time
 from pathlib import Path
 
@@ -9,7 +11,8 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import BackEnd, LabConfig
-from koopman_lab.geometry import Pose, Velocity
+from koopman_lab.errors import LabStateError
+from koopman_lab.geometry import ORIGIN, Pose, Velocity, compose, relative_to
 from koopman_lab.mpc.prediction import PredictionModel, load_prediction
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.units import US_PER_S
@@ -20,7 +23,6 @@ from offboard.controller.estimate import Frame, WheelSpeeds
 from offboard.controller.report import ParkOutcome, TrajectoryPoint, mpc_state
 
 CONTROLLER = lcmtypes.velocity_command_t.CONTROLLER
-ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
 class ControllerNode:
@@ -55,6 +57,9 @@ class ControllerNode:
         prediction = load_prediction(model) if isinstance(model, Path) else model
         optimiser = receding_horizon(prediction, config, back_end)
         self.controller = Controller(config, optimiser, goal)
+        self.marker_offset = prediction.marker_offset
+        """Pose of the tracked frame on the robot, as the model knows it."""
+        self._robot_in_tracked_frame = relative_to(self.marker_offset, ORIGIN)
         self.solver = optimiser.solver
         """What solves, in words for a person."""
         self.solve_ms: list[float] = []
@@ -73,9 +78,8 @@ class ControllerNode:
         SessionInfo(port, self._config, "park")
         port.subscribe(channels.MOCAP_POSE, self._on_pose)
         port.subscribe(channels.WHEEL_STATE, self._on_wheels)
-        port.subscribe(
-            channels.TIME_SYNC, lambda sync: self._delay.saw_round_trip(sync.round_trip_us)
-        )
+        port.subscribe(channels.GOAL, self._on_goal)
+        port.subscribe(channels.TIME_SYNC, self._on_time_sync)
         port.every(1.0 / self._config.controller.dt_s, self._on_tick)
 
     def close(self) -> None:
@@ -95,15 +99,29 @@ class ControllerNode:
             list(self.solve_ms),
             len(self.trajectory),
             list(self.controller.pauses),
+            self.controller.goal,
         )
 
     def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:
         pose = Pose(message.x1_m, message.x2_m, message.theta_rad)
+        # What is no number passes as it is: the estimator refuses it.
+        if all(map(math.isfinite, pose)):
+            pose = compose(pose, self._robot_in_tracked_frame)
         self._frames.append(Frame(message.utime, pose, message.tracking_valid))
 
     def _on_wheels(self, message: lcmtypes.wheel_state_t) -> None:
         velocity = Velocity(message.v_m_per_s, message.omega_rad_per_s)
         self._wheels = WheelSpeeds(message.utime, velocity)
+
+    def _on_goal(self, message: lcmtypes.goal_t) -> None:
+        assert self._port is not None  # by attach
+        now_us = self._port.now_us()
+        # A goal in a replayed log is not meant for the robot of today.
+        if abs(now_us - message.utime) > self._config.motor_loop.command_lifetime_s * US_PER_S:
+            return
+        goal = Pose(message.goal_x1_m, message.goal_x2_m, message.goal_theta_rad)
+        with contextlib.suppress(LabStateError):  # MPC_STATE goes on to name the old one
+            self.controller.move_goal(goal, now_us)
 
     def _on_time_sync(self, message: lcmtypes.time_sync_t) -> None:
         self._delay.saw_round_trip(message.round_trip_us)

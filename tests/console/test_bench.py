@@ -2,7 +2,9 @@ import importlib.util
 import json
 
 import pytest
-from klab import MODEL, klab, klab_json, klab_ok
+from klab import MODEL, NO_RADIO_LOSS, klab, klab_json, klab_ok
+
+from koopman_lab.data.decode import SessionLog
 
 
 def test_bench_lockstep_says_how_fast_and_on_what():
@@ -19,6 +21,20 @@ def test_bench_lockstep_as_a_table():
     text = klab_ok("bench", "lockstep", "--seconds", "2", "--preset", "harsh")
     assert "times real time" in text
     assert "encoding and decoding" in text
+
+
+def test_bench_logger_counts_both_loggers_on_one_bus(tmp_path):
+    short = ("--minutes", "0.05", "--camera-rate-hz", "240", *NO_RADIO_LOSS)
+    found = klab_json("bench", "logger", *short, "--out", tmp_path / "run")
+    assert set(found) == {"klab run logger", "lcm-logger"}
+    ours = found["klab run logger"]
+    assert ours["lost"] == ours["camera_frames_lost"] == 0
+    for name, log in (("klab run logger", "session.lcm"), ("lcm-logger", "lcm-logger.lcm")):
+        row, channels = found[name], SessionLog(tmp_path / "run" / log).channels
+        assert row["camera_frames"] == channels["R1_MOCAP_POSE"].count > 3 * 240
+        assert row["events"] == sum(channel.count for channel in channels.values())
+        assert 0.0 <= row["cpu_share"] < 2.0
+        assert row["memory_mb"] > 1.0
 
 
 @pytest.mark.parametrize("preset", ["lab", "harsh"])
@@ -48,3 +64,15 @@ def test_bench_ocp_has_a_row_for_each_solver_there_is():
         assert row["problem"] == "kinematic"
         assert 0.0 < row["median_ms"] <= row["p99_ms"] <= row["max_ms"]
         assert row["worse_share"] == len(row["exceptions"]) / 3
+
+
+def test_bench_parks_counts_where_the_robot_truly_stands():
+    short = ("--set", "controller.horizon=25", "--set", "controller.time_limit_s=8")
+    rows = klab_json("bench", "parks", "--model", MODEL, "--runs", "2", *short)
+    assert [row["controller"] for row in rows] == ["koopman", "koopman, offset-free", "nominal"]
+    assert {row["runs"] for row in rows} == {2}
+    for row in rows:
+        assert 0.0 <= row["within_share"] <= 1.0
+        assert row["x2_median_mm"] <= row["x2_max_mm"]
+    again = klab_json("bench", "parks", "--model", MODEL, "--runs", "2", *short)
+    assert again == rows

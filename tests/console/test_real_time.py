@@ -224,13 +224,22 @@ def test_session_beside_lcm_logger_replayed_by_lcm_logplayer(bus_url, tmp_path):
 
 
 def test_parking_on_a_lab_that_is_up(up, ear, tmp_path):
-    """`klab park` uses the processes that run already and leaves them running."""
+    """`klab park` uses the processes that run already and leaves them running.
+
+    The goal moves while the robot drives.
+    """
     del up
     out = tmp_path / "park"
     ear.pids.clear()
-    klab_ok("park", "--model", MODEL, "--start", "-0.4", "0.1", "20", "--out", out)
+    begin_and_end = ("--start", "-0.4", "0.1", "20", "--goal", "1", "0", "0")
+    park = start_klab("park", "--model", MODEL, *begin_and_end, "--out", out)
+    ear.wait(lambda: ear.status is not None and ear.status.v_setpoint_m_per_s > 0.1)
+    klab_ok("goal", "0", "0", "0")
+    said, _ = park.communicate(timeout=60)
+    assert park.returncode == 0, said
     summary = json.loads((out / "summary.json").read_text())
     assert summary["parked"]
+    assert summary["goal"] == [0.0, 0.0, 0.0]
     assert summary["mocap_messages_lost"] == 0
     assert len(summary["final_pose"]) == 3
     assert not (out / "processes" / "plant.log").exists()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry import Pose, Velocity, compose, wrap_angle
 from koopman_lab.robot.models import nominal_model
-from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds
+from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds, oldest_wheels_s
 
 FINITE = st.floats(-3.0, 3.0)
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -97,14 +97,7 @@ def test_speeds_are_carried_from_the_wheels_window_to_the_frame_and_on_to_the_co
 
 def test_the_second_order_robot_needs_young_wheel_odometry():
     estimator, config = make("dynamic"), CONFIG["dynamic"]
-    loop = config.motor_loop
-    # As old as odometry is by nature: a period and half a window; the timeout comes on top.
-    oldest_s = (
-        config.controller.tracking_timeout_s
-        + 1.0 / loop.wheel_state_rate_hz
-        + 0.5 * loop.wheel_state_window_s
-    )
-    oldest_us = round(oldest_s * 1e6)
+    oldest_us = round(oldest_wheels_s(config) * 1e6)
     pose = Pose(0.1, 0.2, 0.3)
     estimator.update([Frame(1, pose, True)], None, 1)
     assert estimator.state(1) is None
