@@ -10,6 +10,7 @@ import numpy as np
 
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import DataError
+from koopman_lab.koopman.combination import PAPER, Combination
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.koopman.excitation import Excitation, excitation
 from koopman_lab.koopman.fit import fit_matrix
@@ -42,7 +43,9 @@ class TrainingReport:
         return asdict(self)
 
 
-def train(dataset: DataSet, dictionary_name: str) -> tuple[BilinearModel, TrainingReport]:
+def train(
+    dataset: DataSet, dictionary_name: str, combination: Combination = PAPER
+) -> tuple[BilinearModel, TrainingReport]:
     """Fit the matrices of all basis inputs.
 
     A driftless robot at rest stays at rest, so a data set of the kinematic robot without samples
@@ -87,5 +90,7 @@ def train(dataset: DataSet, dictionary_name: str) -> tuple[BilinearModel, Traini
         "versions": {name: version(name) for name in ("koopman-lab", "numpy", "scipy")},
     }
     basis_inputs = np.array([inputs[i] for i in sorted(inputs)])
-    model = BilinearModel(observables, np.array(matrices), basis_inputs, dataset.dt_s, metadata)
+    model = BilinearModel(
+        observables, np.array(matrices), basis_inputs, dataset.dt_s, metadata, combination
+    )
     return model, report

@@ -77,7 +77,12 @@ SamplingTime = Annotated[
     float | None, typer.Option("--dt", metavar="S", help="Sampling time of the model, s.")
 ]
 Dictionary = Annotated[
-    str | None, typer.Option("--dictionary", metavar="D", help="D5t, D8Eul, D10m, D13t, D12f.")
+    str | None,
+    typer.Option(
+        "--dictionary",
+        metavar="D",
+        help="D5t, D6Eul, D7m, D8Eul, D10m, D13t, D12f, or expressions: '1, x1, x2, theta, ...'.",
+    ),
 ]
 Salvage = Annotated[
     bool, typer.Option("--salvage", help="Use every intact event of a damaged log.")
