@@ -11,7 +11,7 @@ from koopman_lab.koopman.combination import exponential_action, generators
 from koopman_lab.koopman.defects import defects
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.koopman.model import BilinearModel
-from koopman_lab.koopman.train import train
+from koopman_lab.koopman.train import Method, train
 
 
 def exact_d5t(v, omega, dt_s=0.05):
@@ -53,7 +53,7 @@ def test_symbols_agree_with_the_exponential_of_scipy_up_to_a_norm_of_two():
 
 @pytest.mark.parametrize(("kind", "name"), [("kinematic", "D5t"), ("dynamic", "D8Eul")])
 def test_numbers_and_symbols_step_alike_and_the_basis_inputs_keep_their_matrices(kind, name):
-    model, _ = train(ideal_dataset(kind, segments=40), name, combination="generator")
+    model, _ = train(ideal_dataset(kind, segments=40), name, Method(combination="generator"))
     assert model.combination == "generator"
     for matrix, u in zip(model.matrices, model.basis_inputs, strict=True):
         assert model.matrix(u) == pytest.approx(matrix, abs=1e-11)
