@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime, timezone
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -128,7 +129,7 @@ class Trainer:
                 "recorded_utc": datetime.fromtimestamp(began, timezone.utc).isoformat()
                 if began
                 else None,
-                "made": dict(dataset.metadata),
+                "made": _without_place(dataset.metadata),
             }
         )
 
@@ -285,6 +286,14 @@ def moments_of(own: Dictionary, of: Samples) -> Moments:
     moments = Moments(own.size, instruments=len(of.parts) == 3)
     add_samples(moments, of)
     return moments
+
+
+def _without_place(metadata: Mapping[str, Any]) -> dict[str, Any]:
+    """Return metadata with the name of the source only: a model must not hang on where it lay."""
+    source = metadata.get("source")
+    if not source:
+        return dict(metadata)
+    return dict(metadata) | {"source": dict(source) | {"file": Path(source["file"]).name}}
 
 
 def _facts(dataset: DataSet) -> dict[str, Any]:
