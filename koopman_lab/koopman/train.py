@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime, timezone
 from importlib.metadata import version
@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.source import window_of
@@ -26,6 +27,7 @@ from koopman_lab.koopman.samples import Estimator, Samples, add_samples, samples
 from koopman_lab.koopman.symmetry import equivariant_basis
 from koopman_lab.units import US_PER_S
 
+Array = NDArray[np.float64]
 INPUTS = "basis inputs"
 
 
@@ -146,25 +148,9 @@ class Trainer:
         first, own = self._first, self._dictionary
         if first is None or own is None:
             raise DataError("no data set to train with; record one with `klab calibrate`")
-        inputs = {0: np.zeros(2)} | {i: np.array(u) for i, u in first[INPUTS].items()}
-        matrices, reports = [], []
-        for index in sorted(inputs):
-            u = (float(inputs[index][0]), float(inputs[index][1]))
-            if index not in self._moments:
-                # Only u_0 of the kinematic robot can be missing: it has no drift.
-                matrices.append(np.eye(own.size))
-                reports.append(BasisReport(index, u, None, 0.0, {}))
-                continue
-            found = excitation(self._moments[index])
-            fit = fit_basis(self._moments[index], index, own, self._method)
-            matrices.append(fit.matrix)
-            rms = dict(zip(own.names, fit.residual_rms.tolist(), strict=True))
-            reports.append(
-                BasisReport(index, u, found, fit.constant_residual, rms, fit.weakest_instrument)
-            )
-        basis_inputs = np.array([inputs[i] for i in sorted(inputs)])
+        matrices, basis_inputs, reports = fit_all(own, first[INPUTS], self._moments, self._method)
         model = BilinearModel(
-            own, np.array(matrices), basis_inputs, first["dt_s"], {}, self._method.combination
+            own, matrices, basis_inputs, first["dt_s"], {}, self._method.combination
         )
         report = TrainingReport(
             robot=first["robot"],
@@ -257,6 +243,37 @@ def resolve(wanted: str | Dictionary, dataset: DataSet) -> Dictionary:
             "record a session with three sampler.basis_inputs"
         )
     return own
+
+
+def fit_all(
+    own: Dictionary,
+    given: Mapping[int, Sequence[float]],
+    moments: Mapping[int, Moments],
+    method: Method,
+) -> tuple[Array, Array, list[BasisReport]]:
+    """Return M_i (3, M, M), u_i (3, 2), and what was learned for each.
+
+    Raises
+    ------
+    DataError, ModelError
+        As :func:`fit_basis`.
+    """
+    inputs = {0: (0.0, 0.0)} | {i: (float(u[0]), float(u[1])) for i, u in given.items()}
+    matrices, reports = [], []
+    for index, u in sorted(inputs.items()):
+        if index not in moments:
+            # Only u_0 of the kinematic robot can be missing: it has no drift.
+            matrices.append(np.eye(own.size))
+            reports.append(BasisReport(index, u, None, 0.0, {}))
+            continue
+        fit = fit_basis(moments[index], index, own, method)
+        matrices.append(fit.matrix)
+        rms = dict(zip(own.names, fit.residual_rms.tolist(), strict=True))
+        found = excitation(moments[index])
+        reports.append(
+            BasisReport(index, u, found, fit.constant_residual, rms, fit.weakest_instrument)
+        )
+    return np.array(matrices), np.array([u for _, u in sorted(inputs.items())]), reports
 
 
 def fit_basis(moments: Moments, index: int, own: Dictionary, method: Method) -> Fit:
