@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,9 +11,7 @@ from koopman_lab.data.dat import is_folder, read_folder
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.eventlog import Damage
-from koopman_lab.data.logwriter import parts
 from koopman_lab.errors import DataError
-from koopman_lab.files import sha256
 
 ENDING = ".npz"
 
@@ -75,15 +72,6 @@ def open_source(
     _check(path, dataset, robot_kind, dt_s, window)
     name = load_config(robot=dataset.robot_kind).model.dictionary
     return Source(dataset, name, file, folder, [])
-
-
-def with_origin(opened: Source) -> DataSet:
-    """Return the data set with the file that it was made of."""
-    dataset = opened.dataset
-    if not opened.file.is_file() or "source" in dataset.metadata:
-        return dataset
-    origin = {"file": str(opened.file), "sha256": sha256(*parts(opened.file))}
-    return replace(dataset, metadata=dict(dataset.metadata) | {"source": origin})
 
 
 def window_of(dataset: DataSet) -> int | None:

@@ -19,6 +19,7 @@ from offboard.console.terminal import err, out, show_damage
 
 if TYPE_CHECKING:
     from koopman_lab.data.dataset import DataSet
+    from koopman_lab.data.source import Source
 
 app = typer.Typer(help="Make, look into, exchange data sets.", no_args_is_help=True)
 app.command()(sweep)
@@ -57,10 +58,10 @@ def make(
 
     Example: klab dataset make runs/calibration --window 40 --out runs/data.npz
     """
-    from koopman_lab.data.source import open_source, with_origin
+    from koopman_lab.data.source import open_source
 
     opened = open_source(session, dt_s=dt_s, window=window, salvage=salvage)
-    _save(with_origin(opened), file if file is not None else opened.folder / "data.npz")
+    _save(_with_origin(opened), file if file is not None else opened.folder / "data.npz")
     show_damage(opened.file, opened.damage)
 
 
@@ -112,13 +113,13 @@ def export(
     Example: klab dataset export runs/calibration --format dat --out runs/dat
     """
     from koopman_lab.data.dat import write_folder
-    from koopman_lab.data.source import open_source, with_origin
+    from koopman_lab.data.source import open_source
 
     opened = open_source(
         source, robot_kind=options.kind_of(robot), dt_s=dt_s, window=window, salvage=salvage
     )
     if layout is Format.npz:
-        _save(with_origin(opened), place)
+        _save(_with_origin(opened), place)
     else:
         with _writing(place):
             write_folder(opened.dataset, place)
@@ -157,6 +158,20 @@ def import_(
     dataset = read_folder(folder, kind, dt_s, inputs)
     beside = folder.resolve()
     _save(dataset, file if file is not None else beside.with_name(f"{beside.name}.npz"))
+
+
+def _with_origin(opened: Source) -> DataSet:
+    """Return the data set with the file that it was made of."""
+    import dataclasses
+
+    from koopman_lab.data.logwriter import parts
+    from koopman_lab.files import sha256
+
+    dataset = opened.dataset
+    if not opened.file.is_file() or "source" in dataset.metadata:
+        return dataset
+    origin = {"file": str(opened.file), "sha256": sha256(*parts(opened.file))}
+    return dataclasses.replace(dataset, metadata=dict(dataset.metadata) | {"source": origin})
 
 
 def _save(dataset: DataSet, path: Path) -> None:

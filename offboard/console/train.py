@@ -105,7 +105,7 @@ def learn(
     LabError
         If a source cannot be used, or together they do not excite the dictionary.
     """
-    from koopman_lab.data.source import open_source, with_origin
+    from koopman_lab.data.source import open_source
     from koopman_lab.koopman.train import Trainer
 
     trainer = folder = None
@@ -116,7 +116,7 @@ def learn(
         )
         if trainer is None or folder is None:
             trainer, folder = Trainer(dictionary or opened.dictionary, method), opened.folder
-        trainer.add(with_origin(opened))
+        trainer.add(opened.dataset)
         damaged.append((opened.file, opened.damage))
     assert trainer is not None  # typer and the callers give at least one source
     assert folder is not None

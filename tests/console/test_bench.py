@@ -28,3 +28,14 @@ def test_bench_motor_shows_the_responses_and_they_are_as_the_motor_loop_promises
     assert merit["disturbance_left_m_per_s"] < 0.02 * 0.3
     assert "overshoot" in klab_ok("bench", "motor", "--out", tmp_path / "motor")
     assert {p.name for p in tmp_path.iterdir()} == {"motor.pdf", "motor.png"}
+
+
+def test_bench_edmd_compares_with_others_and_streams():
+    size = ("--pairs", "2000", "--repetitions", "2", "--streamed", "120000")
+    facts = klab_json("bench", "edmd", *size)
+    for way in ("fit", "pykoop", "gram", "lift"):
+        times = facts[way]["time_s"]
+        assert 0.0 < times["median"] <= times["p99"] <= times["max"]
+    assert facts["fit_to_pykoop"]["time"] > 0.0
+    assert facts["streamed"]["pairs"] == 120_000
+    assert facts["streamed"]["peak_rss_bytes"] > 0
