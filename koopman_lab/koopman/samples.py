@@ -9,8 +9,9 @@ Instrumental variables take it away: with a Psi_Z that goes with the true states
 noise of Psi_X and Psi_Y, Psi_Z^T Psi_Y = Psi_Z^T Psi_X M^T + (a mean of zero), which determines M.
 Psi_Z is the dictionary at an earlier sample of the same run, so much earlier that no frame of the
 cameras enters both: the velocity at a frame uses the window around it and a frame more at either
-end. The cameras' noise is independent from frame to frame, so it is then independent in Psi_Z
-also through the nonlinear observables. What the motors did in between (they follow the command
+end. The cameras' noise is independent from frame to frame, so it is then independent in Psi_Z,
+too. What remains is of second order in the noise: the mean of cos(theta + noise) is a little short
+of cos(theta), in Psi_X and Psi_Y alike. What the motors did in between (they follow the command
 late, and never quite) is motion, not noise, and Psi_Z knows it. The price is the first part of
 each run, and a variance that grows where earlier samples say little of later ones; the smallest
 canonical correlation of the two is reported.

@@ -31,6 +31,14 @@ def test_d5t_on_ideal_data_is_the_matrix_exponential():
     assert max(b.constant_residual for b in report.bases) < 1e-12
 
 
+@pytest.mark.parametrize("name", ["D5t", "D6Eul"])
+def test_dictionaries_that_the_robot_leaves_invariant_reproduce_it(name):
+    dataset = ideal_dataset("kinematic", segments=20)
+    model, _ = train(dataset, name)
+    for index, u in dataset.basis_inputs.items():
+        assert np.abs(model.step(dataset.X[index], u) - dataset.Y[index]).max() < 1e-12
+
+
 @pytest.mark.parametrize("name", ["D8Eul", "D13t", "D12f"])
 def test_one_step_errors_stay_below_the_term_that_the_dictionary_lacks(name):
     """The observables carry the first order in dt; the second is v omega dt^2 / 2."""
