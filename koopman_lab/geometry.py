@@ -24,6 +24,8 @@ class Pose(NamedTuple):
     theta: float
 
 
+ORIGIN = Pose(0.0, 0.0, 0.0)
+
 PlainPose = tuple[float, float, float]
 """The same, ``(x1, x2, theta)``, where poses come so often that making named ones takes time."""
 

@@ -82,6 +82,7 @@ ACCELERATION_CMD = Channel(
 )
 ESTOP = Channel("ESTOP", lcmtypes.estop_t, "event", "operator")
 PLANT_RESET = Channel("PLANT_RESET", lcmtypes.plant_reset_t, "event", "operator")
+GOAL = Channel("GOAL", lcmtypes.goal_t, "event", "operator")
 FAULT = Channel("FAULT", lcmtypes.fault_t, "event", "operator", wired=True)
 PLANT_TRUTH = Channel("PLANT_TRUTH", lcmtypes.plant_truth_t, "motor", "plant")
 SAMPLER_STATE = Channel("SAMPLER_STATE", lcmtypes.sampler_state_t, "control", "sampler")
@@ -106,6 +107,7 @@ CHANNELS: tuple[Channel[Any], ...] = (
     ACCELERATION_CMD,
     ESTOP,
     PLANT_RESET,
+    GOAL,
     FAULT,
     PLANT_TRUTH,
     SAMPLER_STATE,

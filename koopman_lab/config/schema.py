@@ -318,6 +318,7 @@ class Processing(Section):
     smoothing_window: Annotated[int, Field(ge=1)]
     discard_start_s: NotNegative
     discard_end_s: NotNegative
+    remove_marker_offset: bool
 
 
 def _joined(given: Any) -> Any:
@@ -345,6 +346,13 @@ class Weights(Section):
     r: tuple[Positive, Positive]
 
 
+class Area(Section):
+    """A rectangle of the floor."""
+
+    x1_m: Pair
+    x2_m: Pair
+
+
 class Controller(Section):
     """The predictive controller."""
 
@@ -355,6 +363,7 @@ class Controller(Section):
     use_compiler: bool
     u_max: tuple[Positive, Positive]
     weights: dict[Literal["me"], Weights]
+    goal_area: Area
     parked_position_m: Pair
     parked_angle_rad: Positive
     parked_hold_s: NotNegative

@@ -101,7 +101,7 @@ def check_runs(where: str, runs: Sequence[Run], inputs: Mapping[int, Sequence[fl
     """
     if not runs:
         raise DataError(
-            f"{where}: no run of a basis input; give the log of a session that "
+            f"{where}: no complete run of a basis input; give the log of a session that "
             "`klab calibrate` recorded"
         )
     for run in runs:

@@ -174,7 +174,7 @@ class DataSet:
         ConfigError
             If the configuration in the log is not valid.
         DataError
-            If the log holds no run of a basis input or is of another configuration.
+            If the log holds no complete run of a basis input or is of another configuration.
         """
         if isinstance(path, SessionLog):
             log = path
@@ -192,7 +192,9 @@ class DataSet:
             "robot": lab.robot.model_dump(mode="json"),
             "frame_rate_hz": rate_hz,
             "processing": settings.model_dump(mode="json"),
+            "marker": recorded.marker.as_dict(),
             "runs": len(recorded.runs),
+            "runs_given_up": recorded.given_up,
             "basis_inputs": {str(index): part.account for index, part in found.items()},
         }
         return cls(

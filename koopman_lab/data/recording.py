@@ -9,7 +9,8 @@ from koopman_lab.bus.channels import MOCAP_POSE, SAMPLER_STATE
 from koopman_lab.config.schema import LabConfig, Processing
 from koopman_lab.data.collect import check_frames, check_runs
 from koopman_lab.data.decode import SessionLog
-from koopman_lab.data.segments import Run, Segment, basis_runs, cut
+from koopman_lab.data.marker import MarkerOffset, find_marker, without_offset
+from koopman_lab.data.segments import Run, Segment, basis_runs, completed, cut
 from koopman_lab.errors import DataError
 
 
@@ -27,15 +28,25 @@ class Recording:
         Whose it is.
     settings
         How it is processed.
-    runs, segments
-        In order of time.
+    marker
+        Where on the robot the tracked frame is.
+    runs
+        Those that are complete, in order of time.
+    given_up
+        How many are not.
+    segments
+        Of the complete runs, in order of time; the poses are the robot's if
+        ``settings.remove_marker_offset`` says so and the marker offset is known, and those of the
+        tracked frame otherwise.
     """
 
     path: Path
     config: LabConfig
     robot_name: str
     settings: Processing
+    marker: MarkerOffset
     runs: list[Run]
+    given_up: int
     segments: list[Segment]
 
     def of(self, basis_index: int) -> list[Segment]:
@@ -68,22 +79,31 @@ def recording(
     ConfigError
         If the configuration in the log is not valid.
     DataError
-        If the log holds no run of a basis input or is of another configuration.
+        If the log holds no complete run of a basis input or is of another configuration.
     """
     config = log.config() if config is None else config
     settings = _settings(config.processing, dt_s, window)
-    frames, runs = log.array(MOCAP_POSE), basis_runs(log.array(SAMPLER_STATE))
+    frames, states = log.array(MOCAP_POSE), log.array(SAMPLER_STATE)
+    runs = basis_runs(states)
     rate_hz, inputs = config.mocap.rate_hz, config.sampler.indexed_inputs
-    check_runs(f"{log.path}, {SAMPLER_STATE.name(log.robot_name)}", runs, inputs)
+    complete = completed(runs, states)
+    check_runs(f"{log.path}, {SAMPLER_STATE.name(log.robot_name)}", complete, inputs)
     check_frames(f"{log.path}, {MOCAP_POSE.name(log.robot_name)}", frames["utime"], rate_hz)
     segments = cut(
-        runs,
+        complete,
         frames,
         frame_rate_hz=rate_hz,
         discard_start_s=settings.discard_start_s,
         discard_end_s=settings.discard_end_s,
     )
-    return Recording(log.path, config, log.robot_name, settings, runs, segments)
+    marker = find_marker(states, frames, rate_hz)
+    if settings.remove_marker_offset and marker.offset is not None:
+        offset = marker.offset
+        segments = [s._replace(poses=without_offset(s.poses, offset)) for s in segments]
+    given_up = len(runs) - len(complete)
+    return Recording(
+        log.path, config, log.robot_name, settings, marker, complete, given_up, segments
+    )
 
 
 def _settings(processing: Processing, dt_s: float | None, window: int | None) -> Processing:

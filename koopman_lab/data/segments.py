@@ -20,10 +20,10 @@ LONGEST_STEP = 1.5
 
 
 class Run(NamedTuple):
-    """One application of a basis input.
+    """One stretch of a phase of the sampler, as a rule one application of a basis input.
 
-    ``number`` counts the runs of a log from 0; ``u`` is the input (m/s and rad/s, or m/s^2 and
-    rad/s^2) in effect from ``start_us`` to ``end_us`` (us).
+    ``number`` counts those of a log from 0; ``u`` is the input (m/s and rad/s, or m/s^2 and
+    rad/s^2) at ``start_us``, a basis input until ``end_us`` (us).
     """
 
     number: int
@@ -45,7 +45,39 @@ class Segment(NamedTuple):
 
 
 def basis_runs(states: StructuredArray) -> list[Run]:
-    """Return the runs in the messages of SAMPLER_STATE (N,), ordered by time.
+    """Return the runs of basis inputs in the messages of SAMPLER_STATE (N,), ordered by time."""
+    return phase_runs(states, lcmtypes.sampler_state_t.BASIS)
+
+
+def completed(runs: Sequence[Run], states: StructuredArray) -> list[Run]:
+    """Return the runs after which one more segment counts, those that the sampler did not give up.
+
+    What made it give one up may have acted for a while before it was noticed: a motor loop that
+    hears no commands brakes long before its silence is one. Nor does a run count whose end is not
+    in the log.
+
+    Parameters
+    ----------
+    runs
+        From :func:`basis_runs`.
+    states
+        Messages of SAMPLER_STATE (N,).
+    """
+    states = _in_time(states)
+    utime, done = states["utime"], states["segments_done"]
+    kept = []
+    for run in runs:
+        first = np.searchsorted(utime, run.start_us)
+        after = np.searchsorted(utime, run.end_us)
+        # A run whose end was not seen ends with a state of its own; the next one tells.
+        tells = done[after : after + 2].max(initial=done[first])
+        if tells > done[first]:
+            kept.append(run)
+    return kept
+
+
+def phase_runs(states: StructuredArray, phase: int) -> list[Run]:
+    """Return the stretches of one phase in the messages of SAMPLER_STATE (N,), ordered by time.
 
     A run lasts from the utime of its first state to that of the first state after it. Where that
     state is missing, the run ends with the last state that is known to belong to it.
@@ -53,16 +85,16 @@ def basis_runs(states: StructuredArray) -> list[Run]:
     states = _in_time(states)
     if not len(states):
         return []
-    basis = states["phase"] == lcmtypes.sampler_state_t.BASIS
+    inside = states["phase"] == phase
     same = (
-        (basis[1:] == basis[:-1])
+        (inside[1:] == inside[:-1])
         & (states["segment"][1:] == states["segment"][:-1])
         & (states["basis_index"][1:] == states["basis_index"][:-1])
     )
     starts = np.concatenate([[0], np.flatnonzero(~same) + 1])
     stops = np.concatenate([starts[1:], [len(states)]])
     runs: list[Run] = []
-    for start, stop in zip(starts[basis[starts]], stops[basis[starts]], strict=True):
+    for start, stop in zip(starts[inside[starts]], stops[inside[starts]], strict=True):
         first, last = states[start], states[stop - 1]
         ends_seen = stop < len(states) and states["sequence"][stop] == last["sequence"] + 1
         end_us = states["utime"][stop] if ends_seen else last["utime"]
@@ -123,5 +155,7 @@ def cut(
 
 def _in_time(messages: StructuredArray) -> StructuredArray:
     """Order messages by utime; of those with the same utime only the first is kept."""
+    if np.all(np.diff(messages["utime"]) > 0):
+        return messages
     _, order = np.unique(messages["utime"], return_index=True)
     return messages[order]

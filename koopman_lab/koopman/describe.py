@@ -57,6 +57,7 @@ def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:
         "pairs": sum(len(x) for x in dataset.X.values()),
         "data_hash": dataset.data_hash,
         "source": dataset.metadata.get("source"),
+        "marker": dataset.metadata.get("marker"),
         "dictionary": observables.name,
         "basis_inputs": bases,
     }

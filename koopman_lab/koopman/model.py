@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from koopman_lab.config.schema import RobotKind
 from koopman_lab.errors import ModelError
 from koopman_lab.files import replacing
+from koopman_lab.geometry import ORIGIN, Pose
 from koopman_lab.koopman.combination import (
     PAPER,
     Combination,
@@ -85,6 +86,18 @@ class BilinearModel:
     def state_dim(self) -> int:
         """Return the number n of states."""
         return self.dictionary.state_dim
+
+    @property
+    def marker_offset(self) -> Pose:
+        """Return the pose of the tracked frame in the frame whose poses the model is of.
+
+        That is where the markers were found to be if their offset was taken out of the data, and
+        zero if the states are the tracked frame's own.
+        """
+        data = self.metadata.get("data", {})
+        offset = data.get("marker", {}).get("offset")
+        removed = data.get("processing", {}).get("remove_marker_offset")
+        return Pose(*offset) if removed and offset is not None else ORIGIN
 
     @cached_property
     def _to_lambdas(self) -> Array:

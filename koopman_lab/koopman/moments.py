@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-BATCH = 4096
-"""Rows that are taken in at once; bounds the memory, not the result."""
+BATCH = 512
+"""Rows that are taken in at once; bounds the memory, not the result. So many fit into the cache."""
 
 
 class Moments:

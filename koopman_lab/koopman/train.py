@@ -90,7 +90,9 @@ class TrainingReport:
 class Trainer:
     """Takes in data sets one after the other and fits a model to all of them.
 
-    It keeps no samples, so its memory does not grow with their number.
+    It keeps no samples, so its memory does not grow with their number. Of how the data were made
+    the model's metadata hold what the first data set says (``data``), and of each which data and
+    when (``sources``).
 
     Parameters
     ----------
@@ -106,6 +108,7 @@ class Trainer:
         self._first: dict[str, Any] | None = None
         self._dictionary: Dictionary | None = None
         self._moments: dict[int, Moments] = {}
+        self._made: dict[str, Any] = {}
         self._sources: list[dict[str, Any]] = []
 
     def add(self, dataset: DataSet) -> None:
@@ -122,6 +125,7 @@ class Trainer:
         own = self._begin(dataset)
         for index in dataset.X:
             add_samples(self._moments[index], samples(dataset, index, own, self._method.estimator))
+        self._made = self._made or _without_place(dataset.metadata)
         starts = [times.min() for times in dataset.start_us.values() if len(times)]
         began = min(starts, default=0) / US_PER_S
         self._sources.append(
@@ -131,7 +135,6 @@ class Trainer:
                 "recorded_utc": datetime.fromtimestamp(began, timezone.utc).isoformat()
                 if began
                 else None,
-                "made": _without_place(dataset.metadata),
             }
         )
 
@@ -164,7 +167,8 @@ class Trainer:
         )
         metadata = {
             "training": report.as_dict(),
-            "data": self._sources,
+            "data": self._made,
+            "sources": self._sources,
             "versions": {name: version(name) for name in ("koopman-lab", "numpy", "scipy")},
         }
         return replace(model, metadata=metadata), report
@@ -318,5 +322,6 @@ def _facts(dataset: DataSet) -> dict[str, Any]:
         "robot": dataset.robot_kind,
         "dt_s": dataset.dt_s,
         "window": window_of(dataset),
+        "processing": dataset.metadata.get("processing"),
         INPUTS: {i: tuple(u.tolist()) for i, u in sorted(dataset.basis_inputs.items())},
     }

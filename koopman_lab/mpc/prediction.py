@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import RobotKind
+from koopman_lab.geometry import ORIGIN, Pose
 from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.mpc.costs import StageCost
 from koopman_lab.robot.models import nominal_model
@@ -32,6 +33,10 @@ class PredictionModel(Protocol):
     @property
     def dt_s(self) -> float:
         """Sampling time in s."""
+
+    @property
+    def marker_offset(self) -> Pose:
+        """Pose of the tracked frame in the frame whose pose the states hold."""
 
     @property
     def parameters(self) -> NDArray[np.float64]:
@@ -61,6 +66,7 @@ class NominalPrediction:
     def __init__(self, kind: RobotKind, dt_s: float) -> None:
         self.robot_kind: RobotKind = kind
         self.dt_s = dt_s
+        self.marker_offset = ORIGIN
         self._model = nominal_model(kind)
         self.state_dim = self._model.state_dim
         self.parameters = np.array([dt_s])
@@ -84,6 +90,7 @@ class KoopmanPrediction:
         self.robot_kind = model.robot_kind
         self.state_dim = model.state_dim
         self.dt_s = model.dt_s
+        self.marker_offset = model.marker_offset
         self.parameters = model.parameters
         self._step = model.casadi_step()
 

@@ -69,7 +69,8 @@ class RecedingHorizon:
     def __init__(
         self, solver: Solver, rollout: Rollout, u_max: Sequence[float], dt_s: float
     ) -> None:
-        self._solver = solver
+        self.back_end = solver
+        """What solves; may be replaced between two steps."""
         self._rollout = rollout
         self._u_max = np.asarray(u_max, dtype=float)
         self._dt_s = dt_s
@@ -80,7 +81,7 @@ class RecedingHorizon:
     @property
     def solver(self) -> str:
         """Return what solves, in words for a person."""
-        return self._solver.description
+        return self.back_end.description
 
     def step(self, x: NDArray[np.float64]) -> Decision:
         """Return the input for the measured state ``x`` (n,), relative to the goal.
@@ -88,7 +89,7 @@ class RecedingHorizon:
         States of successive calls are one sampling time apart.
         """
         fallback, guesses = self._before(x)
-        found = [self._solver.solve(x, guess) for guess in guesses]
+        found = [self.back_end.solve(x, guess) for guess in guesses]
         usable = [plan for plan in found if plan.ok and np.isfinite(plan.value)]
         self._failures = 0 if usable else self._failures + 1
         chosen = fallback

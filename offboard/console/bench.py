@@ -160,10 +160,8 @@ def realtime(
     listener = options.listen(lab)
     run = new_folder(folder, "realtime", lab)
     seconds, stolen_before_s = 60.0 * minutes, stolen_s()
-    with keeping_the_log(run), progress("driving") as report:
-        found = measure(
-            lab, run, listener, seconds, lambda s: report(round(s), round(seconds), "s")
-        )
+    with keeping_the_log(run), progress("driving", "s") as report:
+        found = measure(lab, run, listener, seconds, lambda s: report(round(s), round(seconds)))
     stolen = None if stolen_before_s is None else (stolen_s() or 0.0) - stolen_before_s
     if as_json:
         rows = {name: row._asdict() for name, row in found.items()}
@@ -206,9 +204,9 @@ def logger(
     lab = options.resolve(config, wanted, options.kind_of(robot), url=url)
     listener = options.listen(lab)
     run, seconds = new_folder(folder, "logger", lab), 60.0 * minutes
-    with keeping_the_log(run), progress("recording") as report:
+    with keeping_the_log(run), progress("recording", "s") as report:
         found = bench_logger.measure(
-            lab, run, listener, seconds, lambda s: report(round(s), round(seconds), "s")
+            lab, run, listener, seconds, lambda s: report(round(s), round(seconds))
         )
     if as_json:
         out.print_json(json.dumps({name: row._asdict() for name, row in found.items()}))
@@ -267,7 +265,7 @@ def faults(
     from offboard.console.bench_faults import as_table, suffer_all
 
     lab = options.resolve(config, overrides, options.kind_of(robot), preset)
-    with progress("faults") as report:
+    with progress("trying", "faults") as report:
         rows = suffer_all(lab, only, report)
     if as_json:
         out.print_json(json.dumps([asdict(row) for row in rows]))

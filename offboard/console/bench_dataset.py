@@ -76,7 +76,7 @@ def _measure(path: Path, repetitions: int) -> dict[str, Any]:
     from koopman_lab.data.logwriter import parts
 
     rows = []
-    with progress("timing") as report:
+    with progress("timing", "times") as report:
         for number in range(repetitions):
             started, cpu_started = time.perf_counter(), time.process_time()
             log = SessionLog(path)

@@ -85,7 +85,7 @@ def suffer_all(
     config: LabConfig, only: str, on_progress: Callable[[float, float, str], None]
 ) -> list[Row]:
     """Run every scenario whose name contains ``only``."""
-    rows, wanted = [], [scenario for scenario in SCENARIOS if only in scenario.name]
+    rows, wanted = [], [s for s in SCENARIOS if only in s.name and config.robot.kind in s.robots]
     for done, scenario in enumerate(wanted):
         on_progress(done, len(wanted), scenario.name)
         rows.append(suffer(scenario, config))

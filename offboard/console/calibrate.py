@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,6 +10,7 @@ import typer
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ConfigError, LabError, LabStateError
+from koopman_lab.units import US_PER_S
 from offboard.console import options
 from offboard.console.folder import RunFolder, new_folder
 from offboard.console.terminal import err, progress
@@ -127,11 +129,15 @@ def record(
 def show(folder: RunFolder, summary: dict[str, Any]) -> None:
     """Print what a session brought."""
     samples = ", ".join(f"u_{i}: {n}" for i, n in summary["samples"].items())
+    pace = f" ({summary['times_real_time']:.0f} times real time)" if summary["lockstep"] else ""
     err.print(
         f"{summary['segments']} of {summary['segments_wanted']} segments in "
-        f"{summary['duration_s']:.1f} s, samples {samples or 'none'}, "
+        f"{summary['duration_s']:.1f} s{pace}, samples {samples or 'none'}, "
         f"{summary['messages_lost']} messages lost: {folder.path}"
     )
+    if summary["redraws"]:
+        reasons = ", ".join(f"{reason}: {n}" for reason, n in summary["redraws"].items())
+        err.print(f"drawn again: {reasons}")
 
 
 def _in_lockstep(
@@ -143,17 +149,21 @@ def _in_lockstep(
     node = SamplerNode(config, before.progress if before else None)
     lab = lockstep_lab(config, folder, node, before.next_us if before else None)
     try:
-        with progress("calibrating") as report:
-            lab.run(
-                LOCKSTEP_LIMIT_S,
-                on_progress=lambda now_s: report(
-                    node.sampler.done, node.sampler.total, f"{now_s:.0f} s of virtual time"
-                ),
-            )
-            report(node.sampler.done, node.sampler.total, "")
+        began_s, began_us = time.perf_counter(), lab.now_us
+        with progress("calibrating", "segments") as report:
+
+            def show_sampler(now_s: float) -> None:
+                sampler = node.sampler
+                samples = f"{sampler.frames} samples, {now_s:.0f} s of virtual time"
+                report(sampler.done, sampler.total, samples)
+
+            lab.run(LOCKSTEP_LIMIT_S, on_progress=show_sampler)
+            show_sampler(lab.now_us / US_PER_S)
+        passed_s = (lab.now_us - began_us) / US_PER_S
+        speed = {"times_real_time": passed_s / (time.perf_counter() - began_s)}
     finally:
         lab.close()
-    return node.summary() | {"missed_deadlines": 0}
+    return node.summary() | {"missed_deadlines": 0} | speed
 
 
 def _in_real_time(
@@ -161,17 +171,16 @@ def _in_real_time(
 ) -> dict[str, Any]:
     import lcmtypes
     from koopman_lab.bus.channels import MOCAP_POSE, ONBOARD_STATUS, SAMPLER_STATE
-    from koopman_lab.units import US_PER_S
     from offboard.console.session import in_real_time
 
-    with progress("calibrating") as report:
+    with progress("calibrating", "segments") as report:
         began = False
         first_us: int | None = None
 
         def show_state(state: lcmtypes.sampler_state_t) -> None:
             nonlocal began
             began = began or state.phase != lcmtypes.sampler_state_t.WAIT
-            report(state.segments_done, state.segments_total, f"{state.samples} frames")
+            report(state.segments_done, state.segments_total, f"{state.samples} samples")
 
         listener.subscribe(SAMPLER_STATE, show_state)
 
@@ -188,9 +197,10 @@ def _in_real_time(
                 )
 
         arguments = ["--resume", str(folder.path)] if resume else []
-        return in_real_time(
+        facts = in_real_time(
             config, folder, listener, "sampler", *arguments, resume=resume, watch=watch
         )
+    return facts | {"times_real_time": 1.0}
 
 
 def _data(folder: RunFolder, *, complete: bool, salvage: bool) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from koopman_lab.errors import DataError
 from offboard.console import options
 from offboard.console.dataset_needed import needed
 from offboard.console.dataset_sweep import sweep
+from offboard.console.marker import marker_line
 from offboard.console.terminal import err, out, show_damage
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def info(
     if as_json:
         out.print_json(json.dumps(facts))
     else:
-        _show(facts)
+        _show(facts, marker_line(opened.dataset.metadata))
     show_damage(opened.file, opened.damage)
 
 
@@ -198,7 +199,7 @@ def _writing(path: Path) -> Iterator[None]:
         ) from None
 
 
-def _show(facts: dict[str, Any]) -> None:
+def _show(facts: dict[str, Any], marker: str | None) -> None:
     from rich.table import Table
 
     window = "" if facts["window"] is None else f", window {facts['window']}"
@@ -208,6 +209,8 @@ def _show(facts: dict[str, Any]) -> None:
     )
     if facts["source"]:
         out.print(f"made of {facts['source']['file']}, SHA-256 {facts['source']['sha256']}")
+    if marker:
+        out.print(marker)
     bases = facts["basis_inputs"]
     excited = Table(title=f"dictionary {facts['dictionary']}")
     for column in ("basis input", "pairs", "segments", "rank", "smallest sv", "condition"):

@@ -57,7 +57,7 @@ def needed(
         methods = [name for name in methods if not study.METHODS[name].symmetric]
     counts = study.counts_of(opened.dataset)
     rows = []
-    with progress("fitting") as report:
+    with progress("fitting", "fits") as report:
         for row in study.needed(
             opened.dataset, own, counts, repetitions, methods=methods, seed=seed
         ):

@@ -69,7 +69,7 @@ def sweep(
         ("plain", "iv") if estimator is Estimators.both else (estimator.value,)
     )
     observables = dictionaries.dictionary(name, config.robot.kind).names
-    with progress("fitting") as report:
+    with progress("fitting", "fits") as report:
         for row in fits(log, wanted, name, estimators):
             rows.append(row)
             report(len(rows), len(wanted) * len(estimators), f"window {row.window}")

@@ -7,12 +7,25 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import lcmtypes
-from koopman_lab.bus.channels import ACCELERATION_CMD, ESTOP, FAULT, VELOCITY_CMD
-from koopman_lab.config.schema import Fault, LabConfig
+from koopman_lab.bus.channels import (
+    ACCELERATION_CMD,
+    ESTOP,
+    FAULT,
+    GOAL,
+    MOCAP_POSE,
+    VELOCITY_CMD,
+    WHEEL_STATE,
+)
+from koopman_lab.config.schema import Fault, LabConfig, RobotKind
+from koopman_lab.geometry import Pose
 from koopman_lab.robot.faults import fault_message
 from koopman_lab.units import US_PER_S
 from offboard.commander import LOGGER_TIMEOUT_S
+from offboard.console.fault_solver import FailingSolver
 from offboard.console.fault_stage import Activity, Stage
+from offboard.controller.estimate import oldest_wheels_s
+from offboard.controller.goal import goal_message
+from offboard.controller.node import ControllerNode
 from offboard.sampler.node import SamplerNode
 
 SETTLE_S = 0.25
@@ -86,6 +99,8 @@ class Scenario:
         What the robot is doing.
     watched_s
         Time after the strike that is looked at.
+    robots
+        Kinds of the robot that it means something for.
     """
 
     name: str
@@ -95,6 +110,7 @@ class Scenario:
     told: str = ""
     activity: Activity = "park"
     watched_s: float = 2.5
+    robots: tuple[RobotKind, ...] = ("kinematic", "dynamic")
 
 
 @dataclass(frozen=True)
@@ -139,6 +155,35 @@ def command(u: float, age_s: float = 0.0) -> Callable[[Stage], None]:
     return send
 
 
+def send_to(goal: Pose) -> Callable[[Stage], None]:
+    """Return a strike that moves the goal."""
+    return lambda stage: stage.lab.publish(GOAL, goal_message(goal, stage.lab.now_us))
+
+
+def no_number(stage: Stage) -> None:
+    """Send a frame whose pose is no number, and says nothing of it."""
+    frame = lcmtypes.mocap_pose_t()
+    frame.utime, frame.tracking_valid = stage.lab.now_us, True
+    frame.x1_m = frame.x2_m = frame.theta_rad = math.nan
+    stage.lab.publish(MOCAP_POSE, frame)
+
+
+def no_wheels(stage: Stage) -> None:
+    """Let the board say nothing more of its wheels."""
+    stage.mortals["onboard"].muted.add(WHEEL_STATE.suffix)
+
+
+def failing_solver(times: float) -> Callable[[Stage], None]:
+    """Return a strike that lets the solver fail a number of times."""
+
+    def strike(stage: Stage) -> None:
+        assert isinstance(stage.commander, ControllerNode)  # by the scenario's activity
+        optimiser = stage.commander.controller.optimiser
+        optimiser.back_end = FailingSolver(optimiser.back_end, times)
+
+    return strike
+
+
 def second_commander(stage: Stage) -> None:
     """Start a calibration while the controller parks."""
     stage.join(SamplerNode(stage.config))
@@ -147,10 +192,13 @@ def second_commander(stage: Stage) -> None:
 STUCK = {"left": "FAULT LEFT_WHEEL_STUCK", "right": "FAULT RIGHT_WHEEL_STUCK"}
 
 SCENARIOS: tuple[Scenario, ...] = (
-    Scenario(
-        "occlusion for 0.3 s",
-        Inject(Fault(kind="occlusion", duration_s=0.3)),
-        ("DRIVING",),
+    *(
+        Scenario(
+            f"occlusion for {duration_s} s",
+            Inject(Fault(kind="occlusion", duration_s=duration_s)),
+            ("DRIVING",),
+        )
+        for duration_s in (0.1, 0.5)
     ),
     Scenario(
         "occlusion for 2 s",
@@ -255,6 +303,35 @@ SCENARIOS: tuple[Scenario, ...] = (
     Scenario("command that is no number", command(math.nan), ("DRIVING",)),
     Scenario("command of 5 s ago once more", command(0.3, age_s=5.0), ("DRIVING",)),
     Scenario("second commander", second_commander, ("DRIVING",)),
+    Scenario("pose that is no number", no_number, ("DRIVING",)),
+    Scenario("goal moved", send_to(Pose(0.3, 0.2, 0.5)), ("DRIVING",)),
+    Scenario("goal outside the floor", send_to(Pose(30.0, 0.0, 0.0)), ("DRIVING",)),
+    Scenario("wheel odometry missing", no_wheels, ("DRIVING",), robots=("kinematic",)),
+    Scenario(
+        "wheel odometry missing",
+        no_wheels,
+        ("DRIVING", "REST"),
+        lambda config: by_controller(config, oldest_wheels_s(config)),
+        "wheel odometry lost",
+        watched_s=GIVEN_UP_S,
+        robots=("dynamic",),
+    ),
+    Scenario("solver fails once", failing_solver(1), ("DRIVING",)),
+    Scenario("solver fails four times", failing_solver(4), ("DRIVING",)),
+    Scenario(
+        "solver fails five times",
+        failing_solver(5),
+        ("DRIVING", "REST"),
+        lambda config: by_controller(config, 5 * config.controller.dt_s),
+        "solver failed 5 times in a row",
+    ),
+    Scenario(
+        "solver fails always",
+        failing_solver(math.inf),
+        ("DRIVING", "REST"),
+        lambda config: by_controller(config, 5 * config.controller.dt_s),
+        "solver failed 5 times in a row",
+    ),
     Scenario(
         "occlusion for 0.3 s",
         Inject(Fault(kind="occlusion", duration_s=0.3)),

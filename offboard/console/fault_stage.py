@@ -52,6 +52,8 @@ class Mortal:
         self.name = node.name
         self.alive = True
         self.finished = False
+        self.muted: set[str] = set()
+        """Suffixes of channels on which nothing is said any more."""
         self._node = node
 
     def attach(self, port: Port) -> None:
@@ -72,7 +74,7 @@ class _MortalPort:
         self.now_us, self.lost_messages = port.now_us, port.lost_messages
 
     def publish(self, channel: Channel[M], message: M) -> None:
-        if self._owner.alive:
+        if self._owner.alive and channel.suffix not in self._owner.muted:
             self._port.publish(channel, message)
 
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:

@@ -42,14 +42,26 @@ class RunFolder:
         return self.path / "processes" / f"{name}.log"
 
     def write_summary(self, config: LabConfig, facts: dict[str, Any]) -> None:
-        """Write ``summary.json``: the facts, and what the run was made with."""
+        """Write ``summary.json``: the facts, and what the run was made with.
+
+        Raises
+        ------
+        LabStateError
+            If it cannot be written.
+        """
         made_with = {
             "robot": config.robot.kind,
             "seed": config.seed,
             "version": version("koopman-lab"),
             "revision": _revision(),
         }
-        write_json(self.summary, facts | made_with)
+        try:
+            write_json(self.summary, facts | made_with)
+        except OSError as error:
+            raise LabStateError(
+                f"{self.summary}: cannot be written ({error.strerror}); make room on the disk. "
+                f"What was recorded is whole: {self.log}"
+            ) from None
 
 
 def new_folder(out: Path | None, what: str, config: LabConfig) -> RunFolder:

@@ -13,6 +13,7 @@ from offboard.console.demo import demo
 from offboard.console.doctor import doctor
 from offboard.console.estop import estop
 from offboard.console.fault import fault
+from offboard.console.goal import goal
 from offboard.console.park import park
 from offboard.console.replay import replay
 from offboard.console.rerun import rerun
@@ -30,7 +31,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, up, calibrate, train, park, replay, rerun, estop, fault, doctor):
+for command in (demo, up, calibrate, train, park, replay, rerun, goal, estop, fault, doctor):
     app.command()(command)
 app.add_typer(run.app, name="run")
 app.add_typer(log.app, name="log")

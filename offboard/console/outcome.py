@@ -10,7 +10,6 @@ import numpy as np
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.files import write_text
-from koopman_lab.geometry import Pose
 from offboard.console.folder import RunFolder
 from offboard.controller.node import ControllerNode
 
@@ -32,7 +31,9 @@ def outcome_facts(node: ControllerNode, missed_deadlines: int) -> dict[str, Any]
         "parked": outcome.parked,
         "state": outcome.state,
         "reason": outcome.reason,
+        "goal": list(outcome.goal),
         "final_pose": list(outcome.final_pose) if outcome.final_pose else None,
+        "marker_offset": list(node.marker_offset),
         "duration_s": outcome.duration_s,
         "pauses": [pause._asdict() for pause in outcome.pauses],
         "solver": node.solver,
@@ -42,9 +43,7 @@ def outcome_facts(node: ControllerNode, missed_deadlines: int) -> dict[str, Any]
     }
 
 
-def write_park(
-    folder: RunFolder, config: LabConfig, facts: dict[str, Any], goal: Pose
-) -> dict[str, Any]:
+def write_park(folder: RunFolder, config: LabConfig, facts: dict[str, Any]) -> dict[str, Any]:
     """Write trajectory, figure and summary; return the summary.
 
     Raises
@@ -73,7 +72,8 @@ def write_park(
         "state": facts["state"],
         "reason": facts["reason"],
         "final_pose": facts["final_pose"],
-        "goal": list(goal),
+        "goal": facts["goal"],
+        "marker_offset": facts["marker_offset"],
         "duration_s": facts["duration_s"],
         "pauses": facts["pauses"],
         "steps": len(rows),

@@ -60,6 +60,7 @@ def park(
     from koopman_lab.mpc.prediction import KoopmanPrediction
     from koopman_lab.mpc.receding_horizon import receding_horizon
     from offboard.console.watch import ear
+    from offboard.controller.goal import require_reachable
 
     loaded = BilinearModel.load(model)
     wanted = list(overrides or ())
@@ -72,6 +73,7 @@ def park(
     loaded.require_robot(lab.robot.kind)
     # Made once for what it refuses, before anything is started or written.
     receding_horizon(KoopmanPrediction(loaded), lab)
+    require_reachable(options.pose_of(goal), lab.controller)
     listener = ear(lab, lockstep=lockstep)
     folder = new_folder(out, "park", lab)
     typed = start if start is not None else STARTS[lab.robot.kind]
@@ -118,7 +120,7 @@ def drive(
             facts = _in_lockstep(config, folder, model, start, goal)
         else:
             facts = _in_real_time(config, folder, model, start, goal, listener)
-    return write_park(folder, config, facts, goal)
+    return write_park(folder, config, facts)
 
 
 def show(folder: RunFolder, summary: dict[str, Any]) -> None:
@@ -148,10 +150,10 @@ def _in_lockstep(
     limit_s = config.controller.time_limit_s
     try:
         lab.publish(PLANT_RESET, reset_message(start, lab.now_us))
-        with progress("parking") as report:
+        with progress("parking", "s at most") as report:
             lab.run(
                 limit_s + AFTER_LIMIT_S,
-                on_progress=lambda now_s: report(min(now_s, limit_s), limit_s, "s at most"),
+                on_progress=lambda now_s: report(min(now_s, limit_s), limit_s),
             )
     finally:
         lab.close()
@@ -177,7 +179,7 @@ def _in_real_time(
         place(listener, config, start, by_hand="onboard" in there and "plant" not in there)
         begun_us.append(listener.now_us())
 
-    with progress("parking") as report:
+    with progress("parking", "s at most") as report:
 
         def watch() -> None:
             elapsed_s = round((listener.now_us() - begun_us[0]) * 1e-6)
@@ -186,7 +188,7 @@ def _in_real_time(
                     f"controller: still waits after {elapsed_s} s; it needs camera frames, wheel "
                     "odometry, a logger, and an onboard loop without emergency stop"
                 )
-            report(min(elapsed_s, limit_s), limit_s, "s at most")
+            report(min(elapsed_s, limit_s), limit_s)
 
         return in_real_time(
             config,

@@ -53,12 +53,12 @@ def replay(
         )
     bus = open_lcm(options.resolve(None, None, None, url=url))
     total_s, reached_s = round(due_us[-1] / US_PER_S, 1), 0.0
-    with progress("replaying") as report:
+    with progress("replaying", "s") as report:
 
         def show(now_s: float) -> None:
             nonlocal reached_s
             reached_s = round(now_s, 1)
-            report(reached_s, total_s, "s")
+            report(reached_s, total_s)
 
         try:
             done = send(events, due_us, bus, speed, show)

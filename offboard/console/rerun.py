@@ -88,9 +88,9 @@ def rerun(
     life = life_of(node.value, lab, events)
     lasts_s = round(session.duration_s)
     built = _build(node, lab, session, model)
-    with progress("running again") as report:
+    with progress("running again", "s") as report:
         done = run_again(
-            built, lab, events, life, lambda s: report(s - life.start_us * 1e-6, lasts_s, "s")
+            built, lab, events, life, lambda s: report(s - life.start_us * 1e-6, lasts_s)
         )
     if tolerance is None:
         tolerance = 0.0 if life.virtual else REAL_TIME_TOLERANCE

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -29,6 +30,8 @@ READY_LIMIT_S = 30.0
 LISTEN_S = 1.2
 """More than two heartbeats, to know who is there already."""
 TAIL_LINES = 12
+SCARCE_BYTES = 1 << 16
+"""With less room than this on its disk, a process may have had none for its last words."""
 
 
 def present(listener: Listener) -> set[str]:
@@ -74,7 +77,13 @@ class Supervisor:
             listener.subscribe(channel, _note(name, self._heard))
 
     def start(self, name: str, *arguments: str | Path) -> None:
-        """Start a node; its standard output and error go to its file in the run folder."""
+        """Start a node; its standard output and error go to its file in the run folder.
+
+        Raises
+        ------
+        LabStateError
+            If that file cannot be written.
+        """
         command = [
             *(sys.executable, "-m", "offboard.console.main", "run", name),
             *("--config", str(self._folder.config)),
@@ -82,8 +91,15 @@ class Supervisor:
             *map(str, arguments),
         ]
         file = self._folder.process_log(name)
-        file.parent.mkdir(exist_ok=True)
-        with file.open("ab") as log:
+        try:
+            file.parent.mkdir(exist_ok=True)
+            log = file.open("ab")
+        except OSError as error:
+            raise LabStateError(
+                f"{file}: cannot be written ({error.strerror}); see whether the disk is full or "
+                "read-only"
+            ) from None
+        with log:
             self._children[name] = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
@@ -127,7 +143,7 @@ class Supervisor:
             file = self._folder.process_log(name)
             lines = file.read_text(errors="replace").splitlines()[-TAIL_LINES:]
             how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-            last = "\n".join(f"    {line}" for line in lines) or "    (it said nothing)"
+            last = "\n".join(f"    {line}" for line in lines) or f"    ({_nothing_said(file)})"
             raise LabStateError(f"{name} died ({how}); {file} ends with:\n{last}")
 
     def process(self, name: str) -> int:
@@ -191,6 +207,13 @@ def _note(name: str, heard: dict[str, int]) -> Callable[[lcmtypes.node_status_t]
         heard[name] = status.pid
 
     return note
+
+
+def _nothing_said(file: Path) -> str:
+    """Return what to say of a process that left no last words in its file."""
+    if shutil.disk_usage(file.parent).free < SCARCE_BYTES:
+        return f"not a word: the disk of {file.parent} is full; make room on it"
+    return "it said nothing"
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

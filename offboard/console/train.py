@@ -13,6 +13,7 @@ import typer
 from koopman_lab.config.schema import RobotKind
 from koopman_lab.errors import ModelError
 from offboard.console import options
+from offboard.console.marker import marker_line
 from offboard.console.terminal import err, out, show_damage
 
 if TYPE_CHECKING:
@@ -131,9 +132,13 @@ def learn(
     for file, damage in damaged:
         show_damage(file, damage)
     if as_json:
-        out.print_json(json.dumps(report.as_dict() | {"model": str(path)}))
+        marker = learned.metadata["data"].get("marker")
+        out.print_json(json.dumps(report.as_dict() | {"model": str(path), "marker": marker}))
     else:
         _show(report)
+        line = marker_line(learned.metadata["data"])
+        if line:
+            out.print(line)
         err.print(f"model: {path}")
     return path
 

@@ -16,6 +16,7 @@ from koopman_lab.mpc.costs import stage_cost
 from koopman_lab.mpc.receding_horizon import Decision, RecedingHorizon
 from koopman_lab.units import US_PER_S
 from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds
+from offboard.controller.goal import require_reachable
 from offboard.obstacle import Obstacle
 
 REST_SPEED_M_PER_S = 0.01
@@ -58,12 +59,15 @@ class Inputs:
         Why the motor loop takes no commands, None if it does.
     logger_ready
         Whether the session is written down.
+    delay_s
+        From this step until a command sent in it acts.
     """
 
     frames: tuple[Frame, ...]
     wheels: WheelSpeeds | None
     onboard: Obstacle | None
     logger_ready: bool
+    delay_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,8 @@ class Outputs:
     u
         Input for the next sampling interval: m/s, rad/s or m/s^2, rad/s^2.
     state_in_goal_frame
-        (5,): m, m, rad, m/s, rad/s; the speeds are zero for the kinematic robot.
+        (5,) when the command acts: m, m, rad, m/s, rad/s; the speeds are zero for the kinematic
+        robot.
     pose_utime
         Exposure time of the newest usable frame in us, None before the first.
     value, stage_cost
@@ -120,10 +125,16 @@ class Controller:
         Made for the same configuration, and used by nobody else.
     goal
         Goal pose in the inertial frame.
+
+    Raises
+    ------
+    LabStateError
+        If the robot must not be sent there.
     """
 
     def __init__(self, config: LabConfig, optimiser: RecedingHorizon, goal: Pose) -> None:
         self.state = State.WAIT
+        require_reachable(goal, config.controller)
         self.goal = goal
         self.reason = ""
         """Why the drive ended, or what it waits for."""
@@ -132,9 +143,11 @@ class Controller:
         self._settings = config.controller
         self._accelerates = config.robot.kind == "dynamic"
         self._cost = stage_cost(config.controller)
-        self._optimiser = optimiser
+        self.optimiser = optimiser
+        """What finds the inputs."""
         self._estimator = StateEstimator(config, goal, optimiser.advance)
         self._started_us = 0
+        self._goal_us = 0
         self._ended_us = 0
         self._paused_us = 0
         self._inside_since_us: int | None = None
@@ -142,7 +155,8 @@ class Controller:
     def step(self, seen: Inputs, now_us: int) -> Outputs:
         """Return what to command for the next sampling interval, and what to report."""
         self._estimator.update(seen.frames, seen.wheels, now_us)
-        x = self._estimator.state()
+        acts_us = now_us + round(seen.delay_s * US_PER_S)
+        x = self._estimator.state(acts_us)
         obstacle = self._obstacle(seen, now_us)
         if self.state is State.WAIT:
             self._start_if_ready(obstacle, now_us)
@@ -151,13 +165,31 @@ class Controller:
         if self.state is State.DRIVING and x is not None:
             self._end_if_due(obstacle, x, now_us)
             if self.state is State.DRIVING:
-                decision = self._optimiser.step(x)
+                decision = self.optimiser.step(x)
                 if decision.failures_in_a_row < self._settings.largest_failures_in_a_row:
-                    self._estimator.apply(decision.u)
+                    self._estimator.apply(decision.u, acts_us)
                     return self._driving(x, decision)
                 failures = f"solver failed {decision.failures_in_a_row} times in a row"
                 self._end(State.FAILED, failures, now_us)
+        self._estimator.apply(np.zeros(2), acts_us)
         return self._standing(x, now_us)
+
+    def move_goal(self, goal: Pose, now_us: int) -> None:
+        """Drive to another goal, with the whole time limit before it.
+
+        Raises
+        ------
+        LabStateError
+            If the robot must not be sent there; the old goal stays.
+        """
+        require_reachable(goal, self._settings)
+        if goal == self.goal:
+            return
+        self.goal = goal
+        self._goal_us = now_us
+        self._inside_since_us = None
+        self._estimator.move_goal(goal)
+        self.optimiser.restart()
 
     def pose(self) -> Pose | None:
         """Return the newest usable measured pose relative to the goal."""
@@ -175,7 +207,7 @@ class Controller:
         self.reason = "" if obstacle is None else f"waits: {obstacle.reason}"
         if obstacle is None:
             self.state = State.DRIVING
-            self._started_us = now_us
+            self._started_us = self._goal_us = now_us
 
     def _end_if_due(self, obstacle: Obstacle | None, x: NDArray[np.float64], now_us: int) -> None:
         if obstacle is not None and obstacle.lasting:
@@ -194,7 +226,7 @@ class Controller:
         if obstacle is None:
             self.pauses.append(Pause(self.reason, paused_us / US_PER_S))
             self.state, self.reason = State.DRIVING, ""
-            self._optimiser.restart()
+            self.optimiser.restart()
         elif obstacle.lasting or paused_us >= round(self._settings.pause_limit_s * US_PER_S):
             self._end(State.FAILED, obstacle.reason, now_us)
         else:
@@ -202,7 +234,7 @@ class Controller:
             self._end_if_late(now_us)
 
     def _end_if_late(self, now_us: int) -> None:
-        if now_us - self._started_us >= round(self._settings.time_limit_s * US_PER_S):
+        if now_us - self._goal_us >= round(self._settings.time_limit_s * US_PER_S):
             self._end(State.TIME_LIMIT, f"not parked after {self._settings.time_limit_s} s", now_us)
 
     def _obstacle(self, seen: Inputs, now_us: int) -> Obstacle | None:
@@ -211,11 +243,11 @@ class Controller:
             return seen.onboard
         if not seen.logger_ready:
             return Obstacle("logger silent")
-        measured_us, frame = self._estimator.measured_us, self._estimator.frame
+        frame = self._estimator.frame
         timeout_us = self._settings.tracking_timeout_s * US_PER_S
         if frame is None or now_us - frame.utime > timeout_us:
             return Obstacle("tracking lost")
-        if measured_us is None or now_us - measured_us > timeout_us:
+        if not self._estimator.is_complete(now_us):
             return Obstacle("wheel odometry lost")
         return None
 

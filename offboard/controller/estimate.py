@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import Pose, Velocity, relative_to, wrap_angle
 from koopman_lab.units import US_PER_S
+from offboard.controller.inputs import InputHistory
 
 Advance = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 """From a state and an input to the state one sampling time later."""
 
 
 class Frame(NamedTuple):
-    """A camera frame: time of exposure in us, pose in the inertial frame, whether to use it."""
+    """A camera frame: time of exposure in us, the robot's pose in the inertial frame, validity."""
 
     utime: int
     pose: Pose
@@ -32,12 +33,24 @@ class WheelSpeeds(NamedTuple):
     velocity: Velocity
 
 
+def oldest_wheels_s(config: LabConfig) -> float:
+    """Return the age (s) over which wheel odometry counts as lost.
+
+    It is a period and half a window old by its nature; the timeout comes on top.
+    """
+    loop = config.motor_loop
+    by_nature_s = 1.0 / loop.wheel_state_rate_hz + 0.5 * loop.wheel_state_window_s
+    return config.controller.tracking_timeout_s + by_nature_s
+
+
 class StateEstimator:
-    """Measures the state where it can, and predicts it where it cannot.
+    """Carries the newest measurement on to the time at which the next command acts.
 
     The kinematic robot's state is the pose. The second-order robot's velocities are those of the
-    wheels (paper, section 5.4). The angle is continued from frame to frame: it starts in
-    (-pi, pi] and makes no jump of 2 pi.
+    wheels (paper, section 5.4). From the time of each measurement on, the commanded inputs carry
+    the state forward: the velocities by themselves, the pose by the prediction model. That makes
+    up for the delay of the loop, and bridges a loss of tracking. The angle is continued from frame
+    to frame: it starts in (-pi, pi] and makes no jump of 2 pi.
 
     Parameters
     ----------
@@ -50,31 +63,27 @@ class StateEstimator:
     """
 
     def __init__(self, config: LabConfig, goal: Pose, advance: Advance) -> None:
-        loop = config.motor_loop
         self.frame: Frame | None = None
         """The newest frame that could be used."""
         self.wheels: WheelSpeeds | None = None
         self.measured_us: int | None = None
         """Exposure time of the frame in the newest complete measurement."""
+        self.is_measured = False
+        """Whether the last update brought a measurement."""
         self._goal = goal
         self._advance = advance
+        self._dt_s = config.controller.dt_s
         self._uses_wheels = config.robot.kind == "dynamic"
-        # A message is this old by its nature; only what comes on top is a loss.
-        nature_s = 1.0 / loop.wheel_state_rate_hz + 0.5 * loop.wheel_state_window_s
-        self._oldest_wheels_us = (config.controller.tracking_timeout_s + nature_s) * US_PER_S
+        self._oldest_wheels_us = oldest_wheels_s(config) * US_PER_S
         self._theta: float | None = None
         self._measured: NDArray[np.float64] | None = None
-        self._inputs: list[NDArray[np.float64]] = []
-
-    @property
-    def is_measured(self) -> bool:
-        """Whether the present state is measured, not predicted."""
-        return self._measured is not None and not self._inputs
+        self._inputs = InputHistory()
 
     def update(self, frames: Iterable[Frame], wheels: WheelSpeeds | None, now_us: int) -> None:
         """Take what has arrived since the last step; frames in order of arrival."""
         if wheels is not None and all(map(math.isfinite, wheels.velocity)):
             self.wheels = wheels
+        self.is_measured = False
         new = None
         for frame in frames:
             usable = frame.valid and all(map(math.isfinite, frame.pose))
@@ -83,22 +92,34 @@ class StateEstimator:
         if new is not None:
             self._measure(new, now_us)
 
-    def state(self) -> NDArray[np.float64] | None:
-        """Return the present state (3,) or (5,), or None before the first measurement."""
-        if self._measured is None:
+    def state(self, at_us: int) -> NDArray[np.float64] | None:
+        """Return the state (3,) or (5,) at a time (us), or None before the first measurement."""
+        if self._measured is None or self.measured_us is None:
             return None
         x = self._measured
-        for u in self._inputs:
-            x = self._advance(x, u)
+        for duration_s, u in self._inputs.between(self.measured_us, at_us, self._dt_s):
+            # Within a sampling interval the motion is all but straight.
+            x = x + duration_s / self._dt_s * (self._advance(x, u) - x)
         return x
+
+    def move_goal(self, goal: Pose) -> None:
+        """Give the state relative to another goal from the next measurement on."""
+        self._goal = goal
+        self._theta = None
+        self._measured = None
 
     def knows_speed(self, now_us: int) -> bool:
         """Return whether the newest wheel odometry is young enough to act on."""
         return self.wheels is not None and now_us - self.wheels.utime <= self._oldest_wheels_us
 
-    def apply(self, u: NDArray[np.float64]) -> None:
-        """Note the input (2,) that acts from now until the next step."""
-        self._inputs.append(u)
+    def is_complete(self, now_us: int) -> bool:
+        """Return whether there is a state, and what it needs of the wheels still comes."""
+        wheels_come = not self._uses_wheels or self.knows_speed(now_us)
+        return self._measured is not None and wheels_come
+
+    def apply(self, u: NDArray[np.float64], from_us: int) -> None:
+        """Note the input (2,) that acts from a time (us) until that of the next one."""
+        self._inputs.add(from_us, u)
 
     def _measure(self, frame: Frame, now_us: int) -> None:
         pose = relative_to(self._goal, frame.pose)
@@ -110,7 +131,13 @@ class StateEstimator:
         if self._uses_wheels:
             if self.wheels is None or not self.knows_speed(now_us):
                 return
-            state += self.wheels.velocity
+            state += self._velocity_at(frame.utime, self.wheels).tolist()
         self._measured = np.array(state)
         self.measured_us = frame.utime
-        self._inputs.clear()
+        self.is_measured = True
+
+    def _velocity_at(self, at_us: int, wheels: WheelSpeeds) -> NDArray[np.float64]:
+        velocity = np.array(wheels.velocity)
+        for duration_s, acceleration in self._inputs.between(wheels.utime, at_us, self._dt_s):
+            velocity = velocity + duration_s * acceleration
+        return velocity

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import time
 from pathlib import Path
 
@@ -9,17 +11,19 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry import Pose, Velocity
+from koopman_lab.errors import LabStateError
+from koopman_lab.geometry import ORIGIN, Pose, Velocity, compose, relative_to
 from koopman_lab.mpc.prediction import PredictionModel, load_prediction
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.mpc.solver import BackEnd
+from koopman_lab.units import US_PER_S
 from offboard.commander import Commands, Freshness, SessionInfo
 from offboard.controller.controller import Controller, Inputs, State
+from offboard.controller.delay import LoopDelay
 from offboard.controller.estimate import Frame, WheelSpeeds
 from offboard.controller.report import ParkOutcome, TrajectoryPoint, mpc_state
 
 CONTROLLER = lcmtypes.velocity_command_t.CONTROLLER
-ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
 class ControllerNode:
@@ -54,6 +58,9 @@ class ControllerNode:
         prediction = load_prediction(model) if isinstance(model, Path) else model
         optimiser = receding_horizon(prediction, config, back_end)
         self.controller = Controller(config, optimiser, goal)
+        self.marker_offset = prediction.marker_offset
+        """Pose of the tracked frame on the robot, as the model knows it."""
+        self._robot_in_tracked_frame = relative_to(self.marker_offset, ORIGIN)
         self.solver = optimiser.solver
         """What solves, in words for a person."""
         self.solve_ms: list[float] = []
@@ -62,6 +69,7 @@ class ControllerNode:
         self._port: Port | None = None
         self._frames: list[Frame] = []
         self._wheels: WheelSpeeds | None = None
+        self._delay = LoopDelay(config)
 
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
@@ -71,6 +79,8 @@ class ControllerNode:
         SessionInfo(port, self._config, "park")
         port.subscribe(channels.MOCAP_POSE, self._on_pose)
         port.subscribe(channels.WHEEL_STATE, self._on_wheels)
+        port.subscribe(channels.GOAL, self._on_goal)
+        port.subscribe(channels.TIME_SYNC, self._on_time_sync)
         port.every(1.0 / self._config.controller.dt_s, self._on_tick)
 
     def close(self) -> None:
@@ -90,15 +100,32 @@ class ControllerNode:
             list(self.solve_ms),
             len(self.trajectory),
             list(self.controller.pauses),
+            self.controller.goal,
         )
 
     def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:
         pose = Pose(message.x1_m, message.x2_m, message.theta_rad)
+        # What is no number passes as it is: the estimator refuses it.
+        if all(map(math.isfinite, pose)):
+            pose = compose(pose, self._robot_in_tracked_frame)
         self._frames.append(Frame(message.utime, pose, message.tracking_valid))
 
     def _on_wheels(self, message: lcmtypes.wheel_state_t) -> None:
         velocity = Velocity(message.v_m_per_s, message.omega_rad_per_s)
         self._wheels = WheelSpeeds(message.utime, velocity)
+
+    def _on_goal(self, message: lcmtypes.goal_t) -> None:
+        assert self._port is not None  # by attach
+        now_us = self._port.now_us()
+        # A goal in a replayed log is not meant for the robot of today.
+        if abs(now_us - message.utime) > self._config.motor_loop.command_lifetime_s * US_PER_S:
+            return
+        goal = Pose(message.goal_x1_m, message.goal_x2_m, message.goal_theta_rad)
+        with contextlib.suppress(LabStateError):  # MPC_STATE goes on to name the old one
+            self.controller.move_goal(goal, now_us)
+
+    def _on_time_sync(self, message: lcmtypes.time_sync_t) -> None:
+        self._delay.saw_round_trip(message.round_trip_us)
 
     def _on_tick(self, tick_us: int) -> None:
         del tick_us
@@ -109,6 +136,7 @@ class ControllerNode:
             self._wheels,
             self._alive.obstacle(self._commands.number, now_us),
             self._alive.logger(now_us),
+            self._delay.estimate_s(),
         )
         self._frames.clear()
         outputs = self.controller.step(seen, now_us)
@@ -122,6 +150,7 @@ class ControllerNode:
             self.solve_ms.append(solve_ms)
             state = tuple(map(float, outputs.state_in_goal_frame))
             self.trajectory.append(TrajectoryPoint(sent_us, state, outputs.u, outputs.value))
+        self._delay.took((sent_us - now_us) / US_PER_S)
         # In lockstep time on the wall means nothing, and logs are the same byte by byte.
         published_ms = 0.0 if self._port.virtual else solve_ms
         report = mpc_state(outputs, self.controller.goal, published_ms, sent_us)

@@ -36,7 +36,8 @@ class ParkOutcome:
     reason
         In words.
     final_pose
-        Newest valid measured pose relative to the goal, None if there never was one.
+        Newest valid measured pose of the robot (that which the model is of) relative to the goal,
+        None if there never was one.
     duration_s
         From the first driving step to the end of the drive.
     solve_ms
@@ -45,6 +46,8 @@ class ParkOutcome:
         Number of driving steps.
     pauses
         What stopped the robot for a while, in order.
+    goal
+        The last one, in the inertial frame.
     """
 
     parked: bool
@@ -55,6 +58,7 @@ class ParkOutcome:
     solve_ms: list[float]
     steps: int
     pauses: list[Pause]
+    goal: Pose
 
 
 def mpc_state(outputs: Outputs, goal: Pose, solve_ms: float, utime: int) -> lcmtypes.mpc_state_t:

@@ -20,6 +20,15 @@ SMALL_AREA = [
 ]
 """Short drives, for sessions in real time."""
 
+SHORT_RUNS = [
+    *("--set", "sampler.draw_set.x1_m=[0.2, 0.4]"),
+    *("--set", "sampler.draw_set.x2_m=[-0.1, 0.1]"),
+    *("--set", "sampler.draw_set.theta_rad=[-0.8, 0.8]"),
+    *("--set", "sampler.position_tolerance_m=0.6"),
+    *("--set", "sampler.largest_steps=20"),
+]
+"""Hardly any way between the runs, for sessions in real time: 3 s a segment."""
+
 NO_RADIO_LOSS = ("--set", "radio.from_robot.loss=0.0")
 """So that every message that is missing was lost on this machine."""
 

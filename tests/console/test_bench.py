@@ -1,5 +1,7 @@
 import pytest
-from klab import klab_json, klab_ok
+from klab import NO_RADIO_LOSS, klab_json, klab_ok
+
+from koopman_lab.data.decode import SessionLog
 
 
 def test_bench_lockstep_says_how_fast_and_on_what():
@@ -16,6 +18,20 @@ def test_bench_lockstep_as_a_table():
     text = klab_ok("bench", "lockstep", "--seconds", "2", "--preset", "harsh")
     assert "times real time" in text
     assert "encoding and decoding" in text
+
+
+def test_bench_logger_counts_both_loggers_on_one_bus(tmp_path):
+    short = ("--minutes", "0.05", "--camera-rate-hz", "240", *NO_RADIO_LOSS)
+    found = klab_json("bench", "logger", *short, "--out", tmp_path / "run")
+    assert set(found) == {"klab run logger", "lcm-logger"}
+    ours = found["klab run logger"]
+    assert ours["lost"] == ours["camera_frames_lost"] == 0
+    for name, log in (("klab run logger", "session.lcm"), ("lcm-logger", "lcm-logger.lcm")):
+        row, channels = found[name], SessionLog(tmp_path / "run" / log).channels
+        assert row["camera_frames"] == channels["R1_MOCAP_POSE"].count > 3 * 240
+        assert row["events"] == sum(channel.count for channel in channels.values())
+        assert 0.0 <= row["cpu_share"] < 2.0
+        assert row["memory_mb"] > 1.0
 
 
 @pytest.mark.parametrize("preset", ["lab", "harsh"])

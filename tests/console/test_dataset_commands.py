@@ -10,7 +10,7 @@ from koopman_lab.koopman.model import BilinearModel
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
-    wanted = ("--robot", "dynamic", "--segments", "10", "--seed", "1")
+    wanted = ("--robot", "dynamic", "--segments", "5", "--seed", "1")
     klab_ok("calibrate", "--lockstep", *wanted, "--out", folder / "session")
     klab_ok("dataset", "make", folder / "session", "--window", "30", "--out", folder / "data.npz")
     return folder

@@ -11,7 +11,14 @@ from koopman_lab.config.schema import Fault, FaultKind
 from offboard.console.bench_faults import suffer
 from offboard.console.fault_scenarios import SCENARIOS, Inject, Scenario
 
-ROWS = pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda s: f"{s.name}, {s.activity}")
+ROWS = pytest.mark.parametrize(
+    ("robot", "scenario"),
+    [
+        pytest.param(robot, scenario, id=f"{robot}, {scenario.name}, {scenario.activity}")
+        for scenario in SCENARIOS
+        for robot in scenario.robots
+    ],
+)
 REFUSED = {
     "command that is no number": {"value": 1},
     "command of 5 s ago once more": {"stale": 1},
@@ -21,8 +28,7 @@ DRIVES_ON_M = 0.3
 
 
 @ROWS
-@pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
-def test_the_robot_stops_in_time_or_drives_on_and_the_operator_is_told(scenario, robot):
+def test_the_robot_stops_in_time_or_drives_on_and_the_operator_is_told(robot, scenario):
     config = load_config(robot=robot)
     row = suffer(scenario, config)
     came = iter(row.states)

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from klab import NO_RADIO_LOSS, klab, klab_json, klab_ok
 
+from koopman_lab.config.load import load_config
+from koopman_lab.data.dataset import DataSet
+from koopman_lab.data.marker import without_offset
+from koopman_lab.geometry import ORIGIN
 from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.koopman.train import train
 
 CHANNELS = {"MOCAP_POSE": 240.0, "ENCODER": 100.0, "WHEEL_STATE": 20.0, "VELOCITY_CMD": 20.0}
 
@@ -68,6 +73,27 @@ def test_training_reports_samples_rank_and_condition(session, tmp_path):
         assert 1.0 <= basis["excitation"]["condition"] < 100.0
     learned = BilinearModel.load(tmp_path / "m.npz")
     assert np.array_equal(learned.matrices[0], np.eye(5))
+
+
+def test_the_markers_are_found_where_they_are_and_the_model_is_of_the_robot(session, model):
+    config = load_config(session / "config.yaml")
+    (ahead, left, turn), body = config.mocap.marker_offset, config.plant.body
+    left_wheel, right_wheel = body.wheel_radius_factor
+    # The point that stands still lies to the right of the axle's middle: koopman_lab.data.marker.
+    aside = 0.5 * config.robot.track_width_m * body.track_width_factor
+    left += aside * (left_wheel - right_wheel) / (left_wheel + right_wheel)
+    found = klab_json("dataset", "info", session)["marker"]
+    assert found["offset"] == pytest.approx([ahead, left, turn], abs=2e-4)
+    offset = BilinearModel.load(model).marker_offset
+    assert list(offset) == found["offset"]
+    assert "mm ahead" in klab_ok("dataset", "info", session)
+    as_seen = config.model_copy(
+        update={"processing": config.processing.model_copy(update={"remove_marker_offset": False})}
+    )
+    seen, removed = DataSet.from_log(session, as_seen), DataSet.from_log(session)
+    for index, X in seen.X.items():
+        np.testing.assert_allclose(without_offset(X, offset), removed.X[index], atol=1e-12)
+    assert train(seen, "D5t")[0].marker_offset == ORIGIN
 
 
 def test_parking_ends_within_the_bounds_and_leaves_everything(model, tmp_path):

@@ -46,6 +46,14 @@ CASES = {
         ("park", "--model", "{runs}/model.npz", "--lockstep", "--cost", "nothing"),
         ("controller.cost", "found 'nothing'"),
     ),
+    "goal off the floor": (
+        ("park", "--model", "{runs}/model.npz", "--lockstep", "--goal", "30", "0", "0"),
+        ("x1 = 30 m is outside [-2.5, 2.5] m", "controller.goal_area.x1_m"),
+    ),
+    "goal that nobody drives to": (
+        ("goal", "0.1", "0", "0"),
+        ("R1_MPC_STATE is silent", "klab park"),
+    ),
     "missing log": (
         ("train", "{runs}/none.lcm"),
         ("none.lcm", "no such"),

@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from klab import KLAB, SMALL_AREA, klab, klab_ok
+from klab import KLAB, SHORT_RUNS, klab, klab_ok
 from test_real_time import Ear, other, recorded, tool
 
 from koopman_lab.bus.channels import ONBOARD_STATUS, PLANT_TRUTH
@@ -19,11 +19,11 @@ LAST = "R1_SAMPLER_STATE"
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "calibration"
-    klab_ok("calibrate", "--lockstep", "--segments", "3", "--out", folder, *SMALL_AREA)
+    klab_ok("calibrate", "--lockstep", "--segments", "3", "--out", folder, *SHORT_RUNS)
     return folder
 
 
-@pytest.mark.parametrize("speed", ["8", "40"])
+@pytest.mark.parametrize("speed", ["10", "40"])
 def test_a_replayed_session_trains_the_same_model_at_any_speed(session, speed, bus_url, tmp_path):
     url, copy = other(bus_url), tmp_path / "copy"
     logger = subprocess.Popen([*KLAB, "run", "logger", "--url", url, "--out", str(copy)])
@@ -72,7 +72,7 @@ def test_lcm_logplayer_on_the_bus_of_a_live_robot_does_not_move_it(bus_url):
         ear.listener.subscribe(ONBOARD_STATUS, keep(statuses))
         ear.wait(lambda: len(poses) > 100 and statuses)
         player = subprocess.Popen(
-            [tool("lcm-logplayer"), f"--lcm-url={bus_url}", "--speed=3", str(REFERENCE)],
+            [tool("lcm-logplayer"), f"--lcm-url={bus_url}", "--speed=4", str(REFERENCE)],
             stdout=subprocess.DEVNULL,
         )
         ear.wait(lambda: player.poll() is not None)

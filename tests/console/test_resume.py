@@ -7,7 +7,7 @@ import signal
 
 import numpy as np
 import pytest
-from klab import NO_RADIO_LOSS, SMALL_AREA, klab, klab_ok, start_klab
+from klab import NO_RADIO_LOSS, SHORT_RUNS, klab, klab_ok, start_klab
 
 from koopman_lab.bus.channels import HEARTBEATS, SAMPLER_STATE
 from koopman_lab.bus.realtime import Listener
@@ -23,7 +23,7 @@ WAIT_S = 0.05
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "whole"
-    klab_ok("calibrate", "--lockstep", "--segments", "4", "--out", folder, *SMALL_AREA)
+    klab_ok("calibrate", "--lockstep", "--segments", "4", "--out", folder, *SHORT_RUNS)
     return folder
 
 
@@ -79,7 +79,7 @@ def test_a_process_killed_in_the_middle_costs_nothing_recorded(bus_url, tmp_path
     listener.subscribe(SAMPLER_STATE, states.append)
     folder = tmp_path / "session"
     session = start_klab(
-        *("calibrate", "--segments", "1", "--out", folder), *SMALL_AREA, *NO_RADIO_LOSS
+        *("calibrate", "--segments", "1", "--out", folder), *SHORT_RUNS, *NO_RADIO_LOSS
     )
     end_us = listener.now_us() + LIMIT_S * 1e6
     while victim not in pids or not (states and states[-1].phase == states[-1].BASIS):

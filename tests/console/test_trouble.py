@@ -4,7 +4,7 @@ import json
 import subprocess
 
 import pytest
-from klab import MODEL, NO_RADIO_LOSS, SMALL_AREA, klab, klab_ok, start_klab
+from klab import MODEL, NO_RADIO_LOSS, SHORT_RUNS, klab, klab_ok, start_klab
 
 from koopman_lab.bus.channels import HEARTBEATS
 from koopman_lab.bus.realtime import Listener
@@ -49,13 +49,13 @@ def test_silent_cameras_are_said_and_not_waited_for(start, tmp_path):
 def test_the_logger_of_a_lab_that_is_up_is_not_taken_for_loss(start, tmp_path):
     start("up", *NO_RADIO_LOSS, "--out", tmp_path / "up", until={"plant", "onboard", "logger"})
     out = tmp_path / "session"
-    klab_ok("calibrate", "--segments", "1", "--out", out, *SMALL_AREA)
+    klab_ok("calibrate", "--segments", "1", "--out", out, *SHORT_RUNS)
     assert json.loads((out / "summary.json").read_text())["messages_lost"] == 0
 
 
 def test_a_model_file_that_cannot_be_written_is_said(tmp_path_factory, tmp_path):
     session = tmp_path_factory.mktemp("runs") / "session"
-    klab_ok("calibrate", "--lockstep", "--segments", "3", "--out", session, *SMALL_AREA)
+    klab_ok("calibrate", "--lockstep", "--segments", "3", "--out", session, *SHORT_RUNS)
     (tmp_path / "in-the-way").mkdir()
     done = klab("train", session, "--out", tmp_path / "in-the-way")
     assert done.returncode == 2

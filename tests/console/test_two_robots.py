@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from klab import MODEL, SMALL_AREA, klab, klab_ok, start_klab
+from klab import MODEL, SHORT_RUNS, klab, klab_ok, start_klab
 
 from koopman_lab.bus.channels import ONBOARD_STATUS, split_name
 from koopman_lab.bus.realtime import Listener
@@ -49,7 +49,7 @@ def wait_until_held(bus_url, name):
 def test_one_robot_is_calibrated_while_the_other_parks(robots, bus_url, tmp_path):
     calibrated, parked = robots
     folders = {calibrated: tmp_path / "calibration", parked: tmp_path / "park"}
-    small = ("--segments", "2", *SMALL_AREA)
+    small = ("--segments", "2", *SHORT_RUNS)
     session = start_klab(
         "calibrate", "--robot-name", calibrated, "--out", folders[calibrated], *small
     )
@@ -58,7 +58,8 @@ def test_one_robot_is_calibrated_while_the_other_parks(robots, bus_url, tmp_path
     assert refused.returncode == 2, refused.stderr
     assert f"{calibrated}_ONBOARD_STATUS: the robot is held by sampler" in refused.stderr
     assert not (tmp_path / "second").exists()
-    klab_ok("park", "--robot-name", parked, "--model", MODEL, "--out", folders[parked])
+    near = ("--start", "-0.4", "0.1", "20")
+    klab_ok("park", "--robot-name", parked, "--model", MODEL, *near, "--out", folders[parked])
     said, _ = session.communicate(timeout=120)
     assert session.returncode == 0, said
     assert json.loads((folders[parked] / "summary.json").read_text())["parked"]

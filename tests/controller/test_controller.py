@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from koopman_lab.config.load import load_config
+from koopman_lab.errors import LabStateError
 from koopman_lab.geometry import Pose, Velocity, compose, relative_to
 from koopman_lab.mpc.costs import stage_cost
 from koopman_lab.mpc.prediction import NominalPrediction, Rollout
@@ -258,6 +259,44 @@ def test_the_end_is_reported_even_if_the_wheels_never_stop():
     stopping = [o for o in outputs if o.state is State.TIME_LIMIT]
     assert outputs[-1].finished
     assert len(stopping) == pytest.approx(2.0 / 0.05, abs=1)
+
+
+@pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
+def test_a_goal_moved_on_the_way_is_where_it_parks(robot):
+    bench, there = Bench(robot, NEAR), Pose(0.1, -0.02, 0.2)
+    bench.run(6)
+    bench.controller.move_goal(there, bench.now_us)
+    assert bench.step().state is State.DRIVING
+    assert bench.run()[-1].state is State.PARKED
+    final = relative_to(there, Pose(*bench.x[:3]))
+    assert bench.controller.goal == there
+    assert abs(final.x1) <= bench.settings.parked_position_m[0]
+    assert abs(final.x2) <= bench.settings.parked_position_m[1]
+    assert bench.controller.pose() == pytest.approx(final, abs=1e-3)
+
+
+def test_a_moved_goal_has_the_whole_time_limit_before_it():
+    bench = Bench("kinematic", Pose(-1.0, 0.5, 0.0), (*SHORT, "controller.time_limit_s=1.0"))
+    bench.run(10)
+    bench.controller.move_goal(Pose(0.5, 0.0, 0.0), bench.now_us)
+    assert [o.state for o in bench.run()].count(State.DRIVING) == 20
+
+
+@pytest.mark.parametrize(
+    ("goal", "said"),
+    [
+        (Pose(30.0, 0.0, 0.0), "x1 = 30 m is outside .*controller.goal_area.x1_m"),
+        (Pose(0.0, -3.0, 0.0), "x2 = -3 m is outside .*controller.goal_area.x2_m"),
+        (Pose(0.0, float("nan"), 0.0), "three numbers"),
+    ],
+)
+def test_a_goal_off_the_floor_is_refused_and_the_old_one_stays(goal, said):
+    bench = Bench("kinematic", NEAR)
+    with pytest.raises(LabStateError, match=said):
+        bench.controller.move_goal(goal, 0)
+    assert bench.controller.goal == ORIGIN
+    with pytest.raises(LabStateError, match=said):
+        Bench("kinematic", NEAR, goal=goal)
 
 
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])

@@ -135,6 +135,25 @@ def test_without_a_logger_the_robot_is_not_moved():
     lockstep.close()
 
 
+def test_the_state_is_the_robots_where_the_model_knows_of_the_markers():
+    offset = Pose(0.05, -0.03, 0.2)
+    overrides = [f"mocap.marker_offset={list(offset)}", "plant.initial_pose=[0.5, 0.1, 3.0]"]
+    config = load_config(robot="kinematic", preset="ideal", overrides=overrides)
+    prediction = NominalPrediction("kinematic", 0.05)
+    prediction.marker_offset = offset
+    lockstep, plant = Lockstep(config), PlantNode(config)
+    node = ControllerNode(config, prediction, GOAL)
+    for part in (plant, OnboardNode(config), node):
+        lockstep.add(part)
+    nonsense = lcmtypes.mocap_pose_t()
+    nonsense.tracking_valid, nonsense.theta_rad = True, math.inf
+    lockstep.publish(channels.MOCAP_POSE, nonsense)
+    lockstep.run(0.2)
+    expected = relative_to(GOAL, plant.plant.pose)
+    assert node.outcome().final_pose == pytest.approx(tuple(expected), abs=1e-12)
+    lockstep.close()
+
+
 def test_a_model_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(ModelError, match=r"absent\.npz"):
         ControllerNode(load_config(robot="kinematic"), tmp_path / "absent.npz")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry import Pose, Velocity, compose, wrap_angle
 from koopman_lab.robot.models import nominal_model
-from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds
+from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds, oldest_wheels_s
 
 FINITE = st.floats(-3.0, 3.0)
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -36,21 +36,21 @@ def test_the_angle_is_continued_without_jumps_through_any_turning(goal, first, t
         seen = compose(goal, Pose(0.1, 0.2, theta))
         assert -math.pi < seen.theta <= math.pi
         estimator.update([Frame(k, seen, True)], None, k)
-        np.testing.assert_allclose(estimator.state(), [0.1, 0.2, theta], atol=1e-9)
+        np.testing.assert_allclose(estimator.state(k), [0.1, 0.2, theta], atol=1e-9)
 
 
 def test_the_first_angle_lies_within_a_half_turn_of_the_goal():
     estimator = make(goal=Pose(0.0, 0.0, 3.0))
     estimator.update([Frame(0, Pose(0.0, 0.0, -3.0), True)], None, 0)
-    assert estimator.state()[2] == pytest.approx(wrap_angle(-6.0))
+    assert estimator.state(0)[2] == pytest.approx(wrap_angle(-6.0))
 
 
 def test_the_newest_usable_frame_counts():
     estimator = make()
-    assert estimator.state() is None
+    assert estimator.state(0) is None
     estimator.update([Frame(5, Pose(9.0, 9.0, 0.0), False)], None, 10)
     estimator.update([Frame(6, Pose(math.nan, 0.0, 0.0), True)], None, 10)
-    assert estimator.state() is None
+    assert estimator.state(10) is None
     frames = [
         Frame(20, Pose(1.0, 0.0, 0.0), True),
         Frame(30, Pose(2.0, 0.0, 0.0), True),
@@ -58,7 +58,7 @@ def test_the_newest_usable_frame_counts():
         Frame(40, Pose(4.0, 0.0, 0.0), False),
     ]
     estimator.update(frames, None, 50)
-    assert estimator.state()[0] == 2.0
+    assert estimator.state(50)[0] == 2.0
     assert estimator.frame.utime == estimator.measured_us == 30
 
 
@@ -68,34 +68,44 @@ def test_between_measurements_the_model_goes_on_with_the_applied_inputs():
     estimator.update([Frame(0, Pose(*x), True)], None, 0)
     assert estimator.is_measured
     for k, u in enumerate(([0.2, 0.5], [0.1, -0.5]), start=1):
-        estimator.apply(np.array(u))
+        estimator.apply(np.array(u), (k - 1) * 50_000)
         estimator.update([], None, k * 50_000)
         assert not estimator.is_measured
         x = model.step(x, u, 0.05)
-        np.testing.assert_allclose(estimator.state(), x, atol=1e-12)
+        np.testing.assert_allclose(estimator.state(k * 50_000), x, atol=1e-12)
     estimator.update([Frame(150_000, Pose(0.5, 0.0, 0.0), True)], None, 150_000)
     assert estimator.is_measured
-    np.testing.assert_array_equal(estimator.state(), [0.5, 0.0, 0.0])
+    np.testing.assert_array_equal(estimator.state(150_000), [0.5, 0.0, 0.0])
+    # The last input goes on until the command that is now computed acts.
+    moved = estimator.state(170_000) - [0.5, 0.0, 0.0]
+    whole = model.step(np.array([0.5, 0.0, 0.0]), [0.1, -0.5], 0.05) - [0.5, 0.0, 0.0]
+    np.testing.assert_allclose(moved, 0.4 * whole, atol=1e-15)
+
+
+def test_speeds_are_carried_from_the_wheels_window_to_the_frame_and_on_to_the_command():
+    estimator = make("dynamic")
+    estimator.apply(np.array([0.4, -1.0]), 0)
+    estimator.apply(np.array([-0.2, 0.5]), 50_000)
+    wheels = WheelSpeeds(30_000, Velocity(0.1, 0.2))
+    estimator.update([Frame(60_000, Pose(0.0, 0.0, 0.0), True)], wheels, 65_000)
+    v, omega = 0.1 + 0.02 * 0.4 - 0.01 * 0.2, 0.2 - 0.02 * 1.0 + 0.01 * 0.5
+    np.testing.assert_allclose(estimator.state(60_000)[3:], [v, omega], atol=1e-15)
+    np.testing.assert_allclose(
+        estimator.state(80_000)[3:], [v - 0.02 * 0.2, omega + 0.02 * 0.5], atol=1e-15
+    )
 
 
 def test_the_second_order_robot_needs_young_wheel_odometry():
     estimator, config = make("dynamic"), CONFIG["dynamic"]
-    loop = config.motor_loop
-    # As old as odometry is by nature: a period and half a window; the timeout comes on top.
-    oldest_s = (
-        config.controller.tracking_timeout_s
-        + 1.0 / loop.wheel_state_rate_hz
-        + 0.5 * loop.wheel_state_window_s
-    )
-    oldest_us = round(oldest_s * 1e6)
+    oldest_us = round(oldest_wheels_s(config) * 1e6)
     pose = Pose(0.1, 0.2, 0.3)
     estimator.update([Frame(1, pose, True)], None, 1)
-    assert estimator.state() is None
+    assert estimator.state(1) is None
     wheels = WheelSpeeds(1000, Velocity(0.4, -0.2))
     estimator.update([Frame(2, pose, True)], wheels, 1000 + oldest_us)
-    np.testing.assert_allclose(estimator.state(), [0.1, 0.2, 0.3, 0.4, -0.2], atol=1e-15)
+    np.testing.assert_allclose(estimator.state(2), [0.1, 0.2, 0.3, 0.4, -0.2], atol=1e-15)
     estimator.update([Frame(3, Pose(9.0, 9.0, 9.0), True)], wheels, 1001 + oldest_us)
-    assert estimator.state()[0] == 0.1
+    assert estimator.state(2)[0] == 0.1
     assert estimator.measured_us == 2
 
 

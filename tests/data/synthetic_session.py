@@ -67,6 +67,7 @@ class Session:
         state = lcmtypes.sampler_state_t()
         state.utime, state.sequence, state.phase = EPOCH_US + time, sequence, BRAKE
         for number, index, start, end, _ in self.runs:
+            state.segments_done += end <= time
             if start <= time < end:
                 state.phase, state.segment, state.basis_index = BASIS, number, index
                 state.u1, state.u2 = self.inputs[index]

@@ -3,7 +3,7 @@ import pytest
 
 import lcmtypes
 from koopman_lab.data.messages import Messages
-from koopman_lab.data.segments import basis_runs, cut
+from koopman_lab.data.segments import basis_runs, completed, cut
 from koopman_lab.data.wire import decode_all, native_dtype
 
 BASIS, BRAKE, LAUNCH = (
@@ -140,3 +140,17 @@ def test_frames_that_arrive_late_or_twice_are_put_in_order():
 def test_a_run_without_frames_gives_no_segment():
     assert cut_200_to_250(camera(0)) == []
     assert cut_200_to_250(camera(20)) == []
+
+
+def test_only_runs_after_which_one_more_segment_counts_are_complete():
+    states, runs = THREE_RUNS.copy(), basis_runs(THREE_RUNS)
+    assert completed(runs, states) == []
+    # The first is complete, the second was given up, and after the third the log goes on.
+    states["segments_done"][3:] += 1
+    states["segments_done"][7:] += 1
+    assert completed(runs, states) == [runs[0], runs[2]]
+    # Nothing shows that the last run was completed, if the log ends in it.
+    assert completed(basis_runs(states[:7]), states[:7]) == [runs[0]]
+    # A state that was lost is made up for by the next.
+    lost = np.delete(states, 3)
+    assert [run.number for run in completed(basis_runs(lost), lost)] == [0, 2]

@@ -67,7 +67,7 @@ def test_several_data_sets_are_one_to_the_fit_but_must_be_alike():
     assert together.matrices == pytest.approx(alone.matrices, abs=1e-10)
     assert [b.excitation.segments for b in report.bases] == [20, 20, 20]
     assert report.data_hash != single.data_hash
-    assert [len(s["pairs"]) for s in together.metadata["data"]] == [3, 3]
+    assert [len(s["pairs"]) for s in together.metadata["sources"]] == [3, 3]
     with pytest.raises(DataError, match=r"dt_s is 0\.05 in the first, 0\.1"):
         train([whole, dataclasses.replace(whole, dt_s=0.1)], "D8Eul")
     with pytest.raises(DataError, match="no data set"):

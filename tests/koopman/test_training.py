@@ -160,12 +160,12 @@ def test_metadata_say_how_and_of_what_the_model_was_made(tmp_path):
     assert metadata["training"]["method"] == dataclasses.asdict(method)
     assert metadata["training"]["bases"][1]["excitation"]["rank"] == 8
     assert metadata["training"]["defects"]["sideways_m_per_rad"] < 1e-3
-    (data,) = metadata["data"]
+    (data,) = metadata["sources"]
     assert data["data_hash"] == dataset.data_hash
     assert data["pairs"] == {"0": 1600, "1": 1600, "2": 1600}
     # Of the session, not of the training: the same data give the same file.
     assert data["recorded_utc"] is None
-    assert data["made"]["source"] == origin | {"file": "session.lcm"}
+    assert metadata["data"]["source"] == origin | {"file": "session.lcm"}
     assert set(metadata["versions"]) == {"koopman-lab", "numpy", "scipy"}
 
 

@@ -101,6 +101,19 @@ def test_lost_tracking_brakes_and_the_session_goes_on_afterwards(phase):
     assert world.sampler.done == 3
 
 
+def test_a_silent_logger_or_onboard_loop_brakes_and_the_session_goes_on_afterwards():
+    world = World("kinematic", "sampler.segments_per_basis=1")
+    world.run(lambda a: a.phase is Phase.BASIS)
+    world.ready = False
+    for _ in range(60):
+        assert world.step().phase is Phase.BRAKE
+    assert world.velocity == pytest.approx(REST, abs=1e-9)
+    assert world.sampler.redraws == {"onboard loop or logger silent": 1}
+    world.ready = True
+    world.run(lambda a: a.phase is Phase.DONE)
+    assert world.sampler.done == 2
+
+
 def test_nothing_moves_before_somebody_writes_it_down():
     world = World("kinematic")
     world.ready = False

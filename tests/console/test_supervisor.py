@@ -1,0 +1,50 @@
+"""What a supervisor says where the disk of the run folder takes nothing more."""
+
+import pytest
+
+from koopman_lab.bus.realtime import Listener
+from koopman_lab.config.load import load_config
+from koopman_lab.errors import LabStateError
+from offboard.console import supervisor
+from offboard.console.folder import RunFolder
+from offboard.console.supervisor import supervised
+
+MOST_WAITS = 600
+WAIT_S = 0.05
+
+
+@pytest.fixture
+def lab(bus_url, tmp_path):
+    config = load_config(overrides=[f"bus.url={bus_url}"])
+    listener = Listener(config)
+    with supervised(config, RunFolder(tmp_path), listener) as processes:
+        yield processes, listener
+
+
+def test_a_process_whose_file_cannot_be_written_is_not_started(lab, tmp_path):
+    (tmp_path / "processes").write_text("in the way")
+    with pytest.raises(LabStateError, match=r"logger\.log: cannot be written \(File exists\)"):
+        lab[0].start("logger")
+
+
+def test_last_words_that_found_no_room_are_made_up_for(lab, tmp_path, monkeypatch):
+    processes, listener = lab
+    processes.start("logger", "--help")
+    for _ in range(MOST_WAITS):
+        if processes.ended("logger"):
+            break
+        listener.spin(WAIT_S)
+    RunFolder(tmp_path).process_log("logger").write_text("")
+    with pytest.raises(LabStateError, match=r"(?s)logger died .*it said nothing"):
+        processes.check()
+    # From now on any disk is nearly full.
+    monkeypatch.setattr(supervisor, "SCARCE_BYTES", 1 << 62)
+    with pytest.raises(LabStateError, match=r"disk of .*processes is full; make room on it"):
+        processes.check()
+
+
+def test_a_summary_that_cannot_be_written_is_one_clear_message(tmp_path):
+    folder = RunFolder(tmp_path)
+    folder.summary.mkdir()
+    with pytest.raises(LabStateError, match=r"summary\.json: cannot be .* whole: .*session\.lcm"):
+        folder.write_summary(load_config(), {})
