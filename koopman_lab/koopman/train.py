@@ -120,9 +120,14 @@ class Trainer:
             If there is no such dictionary for the robot.
         DataError
             If the data set was taken with other inputs, sampling time, window or robot than the
-            first one, or does not say what the estimator needs.
+            first one, is one taken in before, or does not say what the estimator needs.
         """
         own = self._begin(dataset)
+        data_hash = dataset.data_hash
+        if any(source["data_hash"] == data_hash for source in self._sources):
+            raise DataError(
+                "the same data were given twice and would count twice; name each session once"
+            )
         for index in dataset.X:
             add_samples(self._moments[index], samples(dataset, index, own, self._method.estimator))
         self._made = self._made or _without_place(dataset.metadata)
@@ -130,7 +135,7 @@ class Trainer:
         began = min(starts, default=0) / US_PER_S
         self._sources.append(
             {
-                "data_hash": dataset.data_hash,
+                "data_hash": data_hash,
                 "pairs": {str(index): len(x) for index, x in sorted(dataset.X.items())},
                 "recorded_utc": datetime.fromtimestamp(began, timezone.utc).isoformat()
                 if began

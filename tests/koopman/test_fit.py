@@ -70,6 +70,8 @@ def test_several_data_sets_are_one_to_the_fit_but_must_be_alike():
     assert [len(s["pairs"]) for s in together.metadata["sources"]] == [3, 3]
     with pytest.raises(DataError, match=r"dt_s is 0\.05 in the first, 0\.1"):
         train([whole, dataclasses.replace(whole, dt_s=0.1)], "D8Eul")
+    with pytest.raises(DataError, match="given twice"):
+        train([whole, whole], "D8Eul")
     with pytest.raises(DataError, match="no data set"):
         train([], "D8Eul")
 
