@@ -34,8 +34,13 @@ class Message(Protocol):
 M = TypeVar("M", bound=Message)
 
 Rate = Literal["mocap", "motor", "wheel_state", "status", "control", "heartbeat", "ping", "event"]
-Owner = Literal["plant", "onboard", "logger", "sampler", "controller", "operator", "commander"]
-"""Who publishes; ``commander`` is whichever of sampler and controller drives the robot."""
+Owner = Literal[
+    "plant", "onboard", "logger", "sampler", "controller", "reference", "operator", "commander"
+]
+"""Who publishes; ``commander`` is whichever of :data:`DRIVERS` drives the robot."""
+
+DRIVERS: tuple[Owner, ...] = ("sampler", "controller", "reference")
+"""Nodes that command the robot. They speak on the same channels, one of them at a time."""
 
 ABOARD: Owner = "onboard"
 """The node on the robot's board: between it and all others lie the radio and a second clock."""
@@ -86,6 +91,7 @@ GOAL = Channel("GOAL", lcmtypes.goal_t, "event", "operator")
 FAULT = Channel("FAULT", lcmtypes.fault_t, "event", "operator", wired=True)
 PLANT_TRUTH = Channel("PLANT_TRUTH", lcmtypes.plant_truth_t, "motor", "plant")
 SAMPLER_STATE = Channel("SAMPLER_STATE", lcmtypes.sampler_state_t, "control", "sampler")
+REFERENCE_STATE = Channel("REFERENCE_STATE", lcmtypes.reference_state_t, "control", "reference")
 MPC_STATE = Channel("MPC_STATE", lcmtypes.mpc_state_t, "control", "controller")
 LOGGER_STATUS = Channel("LOGGER_STATUS", lcmtypes.logger_status_t, "heartbeat", "logger")
 TIME_PING = Channel("TIME_PING", lcmtypes.time_ping_t, "ping", "onboard")
@@ -94,7 +100,7 @@ TIME_SYNC = Channel("TIME_SYNC", lcmtypes.time_sync_t, "ping", "onboard")
 SESSION_INFO = Channel("SESSION_INFO", lcmtypes.session_info_t, "heartbeat", "commander")
 HEARTBEATS: dict[str, Channel[lcmtypes.node_status_t]] = {
     node: Channel(f"{node.upper()}_HEARTBEAT", lcmtypes.node_status_t, "heartbeat", node)
-    for node in ("plant", "onboard", "logger", "sampler", "controller")
+    for node in ("plant", "onboard", "logger", *DRIVERS)
 }
 
 CHANNELS: tuple[Channel[Any], ...] = (
@@ -111,6 +117,7 @@ CHANNELS: tuple[Channel[Any], ...] = (
     FAULT,
     PLANT_TRUTH,
     SAMPLER_STATE,
+    REFERENCE_STATE,
     MPC_STATE,
     LOGGER_STATUS,
     TIME_PING,

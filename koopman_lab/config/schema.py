@@ -311,6 +311,34 @@ class Sampler(Section):
         return dict(enumerate(self.basis_inputs, start=3 - len(self.basis_inputs)))
 
 
+class InfinityShape(Section):
+    """A lying eight at constant speed, from a stand on the straight line to its crossing."""
+
+    start_pose: Triple
+    speed_m_per_s: Positive
+    lap_s: Positive
+
+
+class SquareShape(Section):
+    """Four straight sides, a turn on the spot to the left after each."""
+
+    start_pose: Triple
+    speed_m_per_s: Positive
+    side_m: Positive
+    turn_speed_rad_per_s: Positive
+
+
+class Reference(Section):
+    """Runs that models are validated with."""
+
+    runs: Annotated[int, Field(ge=1)]
+    acceleration_m_per_s2: Positive
+    turn_acceleration_rad_per_s2: Positive
+    settle_s: NotNegative
+    infinity: InfinityShape
+    square: SquareShape
+
+
 class Processing(Section):
     """From a session log to a data set."""
 
@@ -393,6 +421,7 @@ class LabConfig(Section):
     mocap: Mocap
     logger: Logger
     sampler: Sampler
+    reference: Reference
     processing: Processing
     model: Model
     controller: Controller

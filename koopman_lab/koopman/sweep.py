@@ -14,7 +14,8 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.errors import DataError
-from koopman_lab.koopman.heldout import Errors, errors, held_out_runs, split
+from koopman_lab.koopman.heldout import errors, held_out_runs, split
+from koopman_lab.koopman.metrics import Errors
 from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.koopman.samples import Estimator
 from koopman_lab.koopman.train import Method, train

@@ -17,7 +17,7 @@ from offboard.console import options
 from offboard.console.terminal import err, out, progress, show_damage
 
 if TYPE_CHECKING:
-    from koopman_lab.koopman.heldout import Errors
+    from koopman_lab.koopman.metrics import Errors
     from koopman_lab.koopman.samples import Estimator
     from koopman_lab.koopman.sweep import Entry, SweepRow
 

@@ -7,7 +7,7 @@ import sys
 import typer
 
 from koopman_lab.errors import LabError
-from offboard.console import bench, dataset, figure, log, run
+from offboard.console import bench, dataset, figure, log, model, run
 from offboard.console.calibrate import calibrate
 from offboard.console.demo import demo
 from offboard.console.doctor import doctor
@@ -15,11 +15,13 @@ from offboard.console.estop import estop
 from offboard.console.fault import fault
 from offboard.console.goal import goal
 from offboard.console.park import park
+from offboard.console.reference import reference
 from offboard.console.replay import replay
 from offboard.console.rerun import rerun
 from offboard.console.terminal import err
 from offboard.console.train import train
 from offboard.console.up import up
+from offboard.console.validate import validate
 
 EXPECTED_MISTAKE = 2
 INTERRUPTED = 130
@@ -31,11 +33,26 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, up, calibrate, train, park, replay, rerun, goal, estop, fault, doctor):
+for command in (
+    demo,
+    up,
+    calibrate,
+    train,
+    park,
+    reference,
+    validate,
+    replay,
+    rerun,
+    goal,
+    estop,
+    fault,
+    doctor,
+):
     app.command()(command)
 app.add_typer(run.app, name="run")
 app.add_typer(log.app, name="log")
 app.add_typer(dataset.app, name="dataset")
+app.add_typer(model.app, name="model")
 app.add_typer(figure.app, name="figure")
 app.add_typer(bench.app, name="bench")
 

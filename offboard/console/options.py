@@ -35,6 +35,13 @@ class PresetName(str, Enum):
     harsh = "harsh"
 
 
+class ShapeName(str, Enum):
+    """Choices of ``--shape``."""
+
+    infinity = "infinity"
+    square = "square"
+
+
 ConfigFile = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="YAML file with any part of the configuration."),
@@ -62,6 +69,7 @@ Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of draws a
 Url = Annotated[
     str | None, typer.Option("--url", help="LCM bus; default: LCM_DEFAULT_URL, then bus.url.")
 ]
+ReferenceShape = Annotated[ShapeName, typer.Option("--shape", help="Shape of the runs.")]
 Out = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Run folder; default runs/<stamp>-<what>."),
@@ -75,6 +83,16 @@ Window = Annotated[
 ]
 SamplingTime = Annotated[
     float | None, typer.Option("--dt", metavar="S", help="Sampling time of the model, s.")
+]
+ModelsAndRuns = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="MODEL... RUN...",
+        help="Models (.npz, from `klab train`) and sessions of `klab reference`.",
+    ),
+]
+Steps = Annotated[
+    int, typer.Option("--steps", min=1, max=100, help="How many sampling times to predict.")
 ]
 Dictionary = Annotated[
     str | None,

@@ -142,8 +142,8 @@ def _in_lockstep(
     from koopman_lab.bus.channels import PLANT_RESET
     from offboard.console.nodes import lockstep_lab
     from offboard.console.outcome import outcome_facts
-    from offboard.console.place import reset_message
     from offboard.controller.node import ControllerNode
+    from offboard.placing import reset_message
 
     node = ControllerNode(config, model, goal)
     lab = lockstep_lab(config, folder, node)

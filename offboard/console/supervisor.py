@@ -14,13 +14,13 @@ from pathlib import Path
 from types import FrameType
 
 import lcmtypes
-from koopman_lab.bus.channels import HEARTBEATS
+from koopman_lab.bus.channels import DRIVERS, HEARTBEATS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from offboard.console.folder import RunFolder
 
-STOP_ORDER = ("sampler", "controller", "onboard", "plant", "logger", "pacer")
+STOP_ORDER = (*DRIVERS, "onboard", "plant", "logger", "pacer")
 """Who commands stops first; the logger writes down the rest."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 PATIENCE_S = 3.0
@@ -138,7 +138,7 @@ class Supervisor:
         """
         for name, child in self._children.items():
             code = child.poll()
-            if code is None or (code == 0 and name in ("sampler", "controller")):
+            if code is None or (code == 0 and name in DRIVERS):
                 continue
             file = self._folder.process_log(name)
             lines = file.read_text(errors="replace").splitlines()[-TAIL_LINES:]
