@@ -367,10 +367,21 @@ class Model(Section):
     dictionary: Annotated[str, BeforeValidator(_joined)]
 
 
-class Weights(Section):
-    """Diagonal weights of one stage cost: q for states, r for inputs."""
+CostName = Literal["me", "ce", "ds"]
+"""Stage costs of the paper's section 3.3."""
 
-    q: tuple[NotNegative, ...]
+
+BackEnd = Literal["ddp", "fatrop", "ipopt"]
+"""Solvers of the optimal control problem."""
+
+
+class Weights(Section):
+    """Diagonal weights of one stage cost: q for states (``ds``: observables), r for inputs.
+
+    A single weight in the q of ``ds`` is that of every observable.
+    """
+
+    q: Annotated[tuple[NotNegative, ...], Field(min_length=1)]
     r: tuple[Positive, Positive]
 
 
@@ -386,11 +397,13 @@ class Controller(Section):
 
     dt_s: Positive
     horizon: Annotated[int, Field(ge=1, le=1000)]
-    cost: Literal["me"]
+    cost: CostName
     reprojection: bool
+    solver: BackEnd
     use_compiler: bool
     u_max: tuple[Positive, Positive]
-    weights: dict[Literal["me"], Weights]
+    speed_max: tuple[Positive, Positive] | None
+    weights: dict[CostName, Weights]
     goal_area: Area
     parked_position_m: Pair
     parked_angle_rad: Positive
@@ -430,13 +443,18 @@ class LabConfig(Section):
     def _fits_the_robot(self) -> LabConfig:
         kind, states = self.robot.kind, {"kinematic": 3, "dynamic": 5}[self.robot.kind]
         for cost, weights in self.controller.weights.items():
-            if len(weights.q) != states:
+            if cost != "ds" and len(weights.q) != states:
                 raise ValueError(
                     f"controller.weights.{cost}.q has {len(weights.q)} weights, "
                     f"the {kind} robot has {states} states"
                 )
         if self.controller.cost not in self.controller.weights:
             raise ValueError(f"controller.weights lacks the cost {self.controller.cost!r}")
+        if kind == "kinematic" and self.controller.speed_max is not None:
+            raise ValueError(
+                "controller.speed_max is for the dynamic robot; the inputs of the kinematic one "
+                "are its speeds, bounded by controller.u_max"
+            )
         if kind == "dynamic" and len(self.sampler.basis_inputs) != 3:
             raise ValueError("sampler.basis_inputs of the dynamic robot must be u_0, u_1, u_2")
         return self

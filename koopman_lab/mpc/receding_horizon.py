@@ -13,11 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import ConfigError, ModelError
+from koopman_lab.config.schema import BackEnd, LabConfig
+from koopman_lab.errors import ModelError
+from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.mpc.costs import stage_cost
-from koopman_lab.mpc.prediction import PredictionModel, Rollout
-from koopman_lab.mpc.solver import BackEnd, Plan, Solver, make_solver
+from koopman_lab.mpc.prediction import KoopmanPrediction, LiftedPrediction, PredictionModel
+from koopman_lab.mpc.rollout import Rollout
+from koopman_lab.mpc.solver import Plan, Solver, make_solver
 
 CLEARLY_BETTER = 1e-6
 """Relative gain by which a later start must win, so that rounding does not choose among equals."""
@@ -148,25 +150,57 @@ class RecedingHorizon:
         """Return the state (n,) that the model predicts one sampling time after ``x``."""
         return self._rollout.advance(x, u)
 
+    def stage_cost(self, x: NDArray[np.float64], u: NDArray[np.float64]) -> float:
+        """Return what a stage costs in the state ``x`` (n,) under the input ``u`` (2,)."""
+        return self._rollout.stage_cost(x, u)
+
 
 def receding_horizon(
-    model: PredictionModel, config: LabConfig, back_end: BackEnd = "fatrop"
+    model: PredictionModel,
+    config: LabConfig,
+    back_end: BackEnd | None = None,
+    solver: Solver | None = None,
 ) -> RecedingHorizon:
     """Return the optimiser that a configuration asks for.
+
+    Parameters
+    ----------
+    model, config, back_end
+        See :func:`solver_of`.
+    solver
+        Made before for the same; it may serve one optimiser after the other.
+
+    Raises
+    ------
+    LabError
+        See :func:`solver_of`.
+    """
+    settings, made = config.controller, solver or solver_of(model, config, back_end)
+    return RecedingHorizon(made, made.rollout, settings.u_max, settings.dt_s)
+
+
+def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd | None = None) -> Solver:
+    """Return the solver that a configuration asks for.
+
+    Parameters
+    ----------
+    model
+        Predicts the robot; a Koopman surrogate is reprojected or not as configured.
+    config
+        The lab.
+    back_end
+        Of the solver; None for the configured one.
 
     Raises
     ------
     ModelError
         If the model is of another robot or another sampling time than the configuration.
     ConfigError
-        If the configuration asks for what this optimiser does not do.
+        If the weights do not fit the cost.
     """
     settings = config.controller
-    if not settings.reprojection:
-        raise ConfigError(
-            "controller.reprojection is false, but predictions are reprojected in each step; "
-            "set it to true"
-        )
+    if not settings.reprojection and isinstance(model, KoopmanPrediction):
+        model = LiftedPrediction(model.model)
     if model.robot_kind != config.robot.kind:
         raise ModelError(
             f"the prediction model is of the {model.robot_kind} robot, but robot.kind is "
@@ -177,15 +211,13 @@ def receding_horizon(
             f"the prediction model has a sampling time of {model.dt_s} s, but controller.dt_s is "
             f"{settings.dt_s}; train with --dt {settings.dt_s} or set controller.dt_s"
         )
-    cost = stage_cost(settings)
-    solver = make_solver(
+    own = dictionary(config.model.dictionary, config.robot.kind)
+    return make_solver(
         model,
-        cost,
+        stage_cost(settings, model.dictionary or own),
         settings.horizon,
         settings.u_max,
-        back_end,
+        back_end or settings.solver,
+        speed_max=settings.speed_max,
         use_compiler=settings.use_compiler,
-    )
-    return RecedingHorizon(
-        solver, Rollout(model, cost, settings.horizon), settings.u_max, settings.dt_s
     )

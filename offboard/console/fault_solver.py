@@ -20,7 +20,7 @@ class FailingSolver:
     """
 
     def __init__(self, solver: Solver, times: float) -> None:
-        self.description = solver.description
+        self.description, self.rollout = solver.description, solver.rollout
         self._solver = solver
         self._left = times
 

@@ -7,7 +7,7 @@ import sys
 import typer
 
 from koopman_lab.errors import LabError
-from offboard.console import bench, dataset, figure, log, model, run
+from offboard.console import bench, dataset, figure, log, model, run, study
 from offboard.console.calibrate import calibrate
 from offboard.console.demo import demo
 from offboard.console.doctor import doctor
@@ -18,6 +18,7 @@ from offboard.console.park import park
 from offboard.console.reference import reference
 from offboard.console.replay import replay
 from offboard.console.rerun import rerun
+from offboard.console.simulate import simulate
 from offboard.console.terminal import err
 from offboard.console.train import train
 from offboard.console.up import up
@@ -39,6 +40,7 @@ for command in (
     calibrate,
     train,
     park,
+    simulate,
     reference,
     validate,
     replay,
@@ -55,6 +57,7 @@ app.add_typer(dataset.app, name="dataset")
 app.add_typer(model.app, name="model")
 app.add_typer(figure.app, name="figure")
 app.add_typer(bench.app, name="bench")
+app.add_typer(study.app, name="study")
 
 
 def main() -> None:

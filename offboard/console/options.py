@@ -182,3 +182,23 @@ def parse_windows(text: str) -> list[int]:
             "for example --windows 1,10,40"
         )
     return windows
+
+
+def parse_factors(text: str) -> list[float]:
+    """Return the factors that a person typed.
+
+    Raises
+    ------
+    DataError
+        If they are no numbers above 0, or 1 is not among them.
+    """
+    try:
+        factors = [float(word) for word in text.split(",")]
+    except ValueError:
+        factors = []
+    if 1.0 not in factors or not all(0.0 < factor < math.inf for factor in factors):
+        raise DataError(
+            f"--factors {text}: numbers above 0 with commas between them, 1 among them, "
+            "for example --factors 0.1,1,10"
+        )
+    return factors

@@ -37,7 +37,7 @@ def park(
         typer.Option("--goal", metavar="X Y THETA", help="Goal pose: m, m, degrees."),
     ] = (0.0, 0.0, 0.0),
     cost: Annotated[
-        str | None, typer.Option("--cost", help="Stage cost: me (mixed exponents).")
+        str | None, typer.Option("--cost", help="Stage cost: me, ce, ds (section 3.3).")
     ] = None,
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,

@@ -1,5 +1,8 @@
+import importlib.util
+import json
+
 import pytest
-from klab import NO_RADIO_LOSS, klab_json, klab_ok
+from klab import MODEL, NO_RADIO_LOSS, klab, klab_json, klab_ok
 
 from koopman_lab.data.decode import SessionLog
 
@@ -55,3 +58,20 @@ def test_bench_edmd_compares_with_others_and_streams():
     assert facts["fit_to_pykoop"]["time"] > 0.0
     assert facts["streamed"]["pairs"] == 120_000
     assert facts["streamed"]["peak_rss_bytes"] > 0
+
+
+def test_bench_ocp_has_a_row_for_each_solver_there_is():
+    wanted = ("--model", MODEL, "--states", "3", "--set", "controller.horizon=4")
+    done = klab("bench", "ocp", *wanted, "--json")
+    assert done.returncode == 0, done.stderr
+    there = importlib.util.find_spec("do_mpc") is not None
+    assert there == ("do-mpc is not installed" not in done.stderr)
+    rows = json.loads(done.stdout)
+    solvers = ["ours", "ipopt", *(["do-mpc"] if there else [])]
+    assert [(row["model"], row["solver"]) for row in rows] == [
+        (model, solver) for model in ("reprojected", "lifted") for solver in solvers
+    ]
+    for row in rows:
+        assert row["problem"] == "kinematic"
+        assert 0.0 < row["median_ms"] <= row["p99_ms"] <= row["max_ms"]
+        assert row["worse_share"] == len(row["exceptions"]) / 3
