@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 RobotKind = Literal["kinematic", "dynamic"]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -349,10 +349,22 @@ class Processing(Section):
     remove_marker_offset: bool
 
 
-class Model(Section):
-    """What is learned."""
+def _joined(given: Any) -> Any:
+    if not isinstance(given, (list, tuple)):
+        return given
+    wrong = [i for i in given if isinstance(i, bool) or not isinstance(i, (str, int, float))]
+    if wrong:
+        raise ValueError(f"{wrong[0]!r} is no expression")
+    return ", ".join(map(str, given))
 
-    dictionary: str
+
+class Model(Section):
+    """What is learned.
+
+    A dictionary is a name, or expressions: as a list, or with commas between them.
+    """
+
+    dictionary: Annotated[str, BeforeValidator(_joined)]
 
 
 CostName = Literal["me", "ce", "ds"]

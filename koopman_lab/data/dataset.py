@@ -189,6 +189,7 @@ class DataSet:
         }
         metadata = {
             "robot_name": recorded.robot_name,
+            "robot": lab.robot.model_dump(mode="json"),
             "frame_rate_hz": rate_hz,
             "processing": settings.model_dump(mode="json"),
             "marker": recorded.marker.as_dict(),

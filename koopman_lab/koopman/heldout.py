@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.data.dataset import DataSet
+from koopman_lab.data.later import begin_later
 from koopman_lab.koopman.metrics import Errors, deviations, summary
 from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.units import US_PER_S
@@ -15,8 +16,6 @@ from koopman_lab.units import US_PER_S
 Array = NDArray[np.float64]
 EVERY = 5
 """Every fifth run of each basis input is held out."""
-LARGEST_TIME_ERROR = 0.01
-"""In sampling times: what counts as the same time."""
 MOST_STARTS = 2000
 """Of predictions for each basis input; more change nothing."""
 
@@ -74,23 +73,10 @@ def errors(model: BilinearModel, dataset: DataSet, steps: int) -> Errors | None:
 
 def _matched(dataset: DataSet, index: int, steps: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return pairs (k,) and those (k,) that begin ``steps - 1`` sampling times later."""
-    times = dataset.start_us[index]
-    starts = np.arange(len(times))
+    starts = np.arange(len(dataset.X[index]))
     ends = starts
-    if steps > 1 and len(times):
-        dt_us = dataset.dt_s * US_PER_S
-        ahead_us = round((steps - 1) * dt_us)
-        # One number line for all runs, so far apart that none reaches into the next.
-        apart_us = 2 * (int(np.ptp(times)) + ahead_us + 1)
-        _, runs = np.unique(dataset.segments[index], return_inverse=True)
-        keys = runs * apart_us + (times - times.min())
-        order = np.argsort(keys, kind="stable")
-        wanted = keys + ahead_us
-        after = np.searchsorted(keys, wanted, sorter=order)
-        later = order[np.minimum(after, len(order) - 1)]
-        earlier = order[np.maximum(after - 1, 0)]
-        nearer = np.abs(keys[earlier] - wanted) < np.abs(keys[later] - wanted)
-        ends = np.where(nearer, earlier, later)
-        starts = np.flatnonzero(np.abs(keys[ends] - wanted) <= LARGEST_TIME_ERROR * dt_us)
-    starts = starts[:: 1 + len(starts) // MOST_STARTS]
-    return starts, ends[starts]
+    if steps > 1:
+        ahead_us = round((steps - 1) * dataset.dt_s * US_PER_S)
+        starts, ends = begin_later(dataset, index, ahead_us)
+    every = 1 + len(starts) // MOST_STARTS
+    return starts[::every], ends[::every]

@@ -13,6 +13,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import REST, Velocity
 from offboard.console import options
 from offboard.console.bench_dataset import dataset
+from offboard.console.bench_edmd import edmd
 from offboard.console.bench_parks import parks
 from offboard.console.terminal import err, out, progress
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Measure this machine and the lab.", no_args_is_help=True)
 app.command()(dataset)
 app.command()(parks)
+app.command()(edmd)
 
 CHUNK_S = 1.0
 WARM_UP_S = 2.0

@@ -95,7 +95,12 @@ Steps = Annotated[
     int, typer.Option("--steps", min=1, max=100, help="How many sampling times to predict.")
 ]
 Dictionary = Annotated[
-    str | None, typer.Option("--dictionary", metavar="D", help="D5t, D8Eul, D10m, D13t, D12f.")
+    str | None,
+    typer.Option(
+        "--dictionary",
+        metavar="D",
+        help="D5t, D6Eul, D7m, D8Eul, D10m, D13t, D12f, or expressions: '1, x1, x2, theta, ...'.",
+    ),
 ]
 Salvage = Annotated[
     bool, typer.Option("--salvage", help="Use every intact event of a damaged log.")

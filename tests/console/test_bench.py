@@ -49,6 +49,17 @@ def test_bench_motor_shows_the_responses_and_they_are_as_the_motor_loop_promises
     assert {p.name for p in tmp_path.iterdir()} == {"motor.pdf", "motor.png"}
 
 
+def test_bench_edmd_compares_with_others_and_streams():
+    size = ("--pairs", "2000", "--repetitions", "2", "--streamed", "120000")
+    facts = klab_json("bench", "edmd", *size)
+    for way in ("fit", "pykoop", "gram", "lift"):
+        times = facts[way]["time_s"]
+        assert 0.0 < times["median"] <= times["p99"] <= times["max"]
+    assert facts["fit_to_pykoop"]["time"] > 0.0
+    assert facts["streamed"]["pairs"] == 120_000
+    assert facts["streamed"]["peak_rss_bytes"] > 0
+
+
 def test_bench_ocp_has_a_row_for_each_solver_there_is():
     wanted = ("--model", MODEL, "--states", "3", "--set", "controller.horizon=4")
     done = klab("bench", "ocp", *wanted, "--json")
