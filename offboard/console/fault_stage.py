@@ -42,6 +42,11 @@ class Sight(NamedTuple):
     v_m_per_s: float
     omega_rad_per_s: float
 
+    @classmethod
+    def of(cls, t: lcmtypes.plant_truth_t) -> Sight:
+        """Return what a message tells."""
+        return cls(t.utime, t.x1_m, t.x2_m, t.theta_rad, t.v_m_per_s, t.omega_rad_per_s)
+
 
 class Mortal:
     """A node that can die as by `kill -9`: it says nothing more, not even a last stop.
@@ -107,9 +112,7 @@ class Witness:
         """Nothing is held."""
 
     def _on_truth(self, t: lcmtypes.plant_truth_t) -> None:
-        self.sights.append(
-            Sight(t.utime, t.x1_m, t.x2_m, t.theta_rad, t.v_m_per_s, t.omega_rad_per_s)
-        )
+        self.sights.append(Sight.of(t))
 
 
 class Stage:
