@@ -125,14 +125,16 @@ class DataSet:
             # Opened here because numpy leaves a damaged archive open.
             with path.open("rb") as archive, np.load(archive, allow_pickle=False) as file:
                 header = json.loads(bytes(file["header"]))
-                indices = header["indices"]  # a model has a format, too, but no such thing
+                if "matrices" in file:
+                    raise ValueError("a model, whose formats are others")
                 if header["format"] != FORMAT:
                     raise DataError(
                         f"{path}: data set of format {header['format']}, this version reads "
                         f"{FORMAT}; make it again from its session"
                     )
                 content: dict[str, Any] = {
-                    name: {index: file[f"{name}_{index}"] for index in indices} for name in _TABLES
+                    name: {index: file[f"{name}_{index}"] for index in header["indices"]}
+                    for name in _TABLES
                 }
                 content |= {name: header[name] for name in ("dt_s", "robot_kind", "metadata")}
         except FileNotFoundError:
