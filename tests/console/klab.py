@@ -46,18 +46,20 @@ def klab(*arguments: str | Path, **kwargs) -> subprocess.CompletedProcess[str]:
     is asked of it.
     """
     command = [*KLAB, *map(str, arguments)]
-    if not kwargs and (command[3] in ALONE or {"--lockstep", "--help"} & set(command)):
-        return _here(command)
+    alone = command[3] in ALONE or {"--lockstep", "--help"} & set(command)
+    if alone and not kwargs.keys() - {"cwd"}:
+        return _here(command, **kwargs)
     return subprocess.run(
         command, capture_output=True, text=True, check=False, timeout=LIMIT_S, **kwargs
     )
 
 
-def _here(command: list[str]) -> subprocess.CompletedProcess[str]:
+def _here(command: list[str], cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     from offboard.console.main import main
 
-    said, told, before = io.StringIO(), io.StringIO(), sys.argv
+    said, told, before, folder = io.StringIO(), io.StringIO(), sys.argv, Path.cwd()
     sys.argv = ["klab", *command[3:]]
+    os.chdir(cwd or folder)
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(told):
             main()
@@ -66,6 +68,7 @@ def _here(command: list[str]) -> subprocess.CompletedProcess[str]:
         code = end.code or 0
     finally:
         sys.argv = before
+        os.chdir(folder)
     return subprocess.CompletedProcess(command, code, said.getvalue(), told.getvalue())
 
 
