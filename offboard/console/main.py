@@ -9,6 +9,7 @@ import typer
 from koopman_lab.errors import LabError
 from offboard.console import bench, dataset, figure, log, model, run, study
 from offboard.console.calibrate import calibrate
+from offboard.console.compare import compare
 from offboard.console.demo import demo
 from offboard.console.doctor import doctor
 from offboard.console.estop import estop
@@ -40,6 +41,7 @@ for command in (
     calibrate,
     train,
     park,
+    compare,
     simulate,
     reference,
     validate,

@@ -54,7 +54,7 @@ class ControllerNode:
         goal: Pose = ORIGIN,
         back_end: BackEnd | None = None,
     ) -> None:
-        prediction = load_prediction(model) if isinstance(model, Path) else model
+        prediction = load_prediction(model, config.controller) if isinstance(model, Path) else model
         optimiser = receding_horizon(prediction, config, back_end)
         self.controller = Controller(config, optimiser, goal)
         self.marker_offset = prediction.marker_offset
