@@ -34,8 +34,11 @@ class Message(Protocol):
 M = TypeVar("M", bound=Message)
 
 Rate = Literal["mocap", "motor", "wheel_state", "status", "control", "heartbeat", "ping", "event"]
-Owner = Literal["plant", "onboard", "logger", "sampler", "controller", "operator", "commander"]
-"""Who publishes; ``commander`` is whichever of sampler and controller drives the robot."""
+Owner = Literal[
+    "plant", "onboard", "logger", "sampler", "controller", "operator", "commander", "supervisor"
+]
+"""Who publishes; ``commander`` is whichever of sampler and controller drives the robot, and
+``supervisor`` each command that has started processes."""
 
 ABOARD: Owner = "onboard"
 """The node on the robot's board: between it and all others lie the radio and a second clock."""
@@ -92,6 +95,8 @@ TIME_PING = Channel("TIME_PING", lcmtypes.time_ping_t, "ping", "onboard")
 TIME_PONG = Channel("TIME_PONG", lcmtypes.time_pong_t, "ping", "commander")
 TIME_SYNC = Channel("TIME_SYNC", lcmtypes.time_sync_t, "ping", "onboard")
 SESSION_INFO = Channel("SESSION_INFO", lcmtypes.session_info_t, "heartbeat", "commander")
+# Not logged: several commands may speak on it, so that its numbers tell of no loss.
+PROCESS = Channel("PROCESS", lcmtypes.process_t, "event", "supervisor", logged=False)
 HEARTBEATS: dict[str, Channel[lcmtypes.node_status_t]] = {
     node: Channel(f"{node.upper()}_HEARTBEAT", lcmtypes.node_status_t, "heartbeat", node)
     for node in ("plant", "onboard", "logger", "sampler", "controller")
@@ -117,6 +122,7 @@ CHANNELS: tuple[Channel[Any], ...] = (
     TIME_PONG,
     TIME_SYNC,
     SESSION_INFO,
+    PROCESS,
     *HEARTBEATS.values(),
 )
 

@@ -1,0 +1,126 @@
+"""What a person reads first: one line that says what the lab is doing, and what is wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import lcmtypes
+from offboard.commander import why_stopped
+from offboard.processes import ENDS, died
+from offboard.viewer.roll import DIED, FINISHED, Entry
+from offboard.viewer.streams import Stream
+
+STATES = ("at rest", "driving", "stopped by the watchdog", "EMERGENCY STOP", "FAULT")
+"""By the numbers of ``onboard_status_t``."""
+PHASES = (
+    "waiting for robot, cameras and logger",
+    "turning towards the next start",
+    "driving to the next start",
+    "turning to the drawn heading",
+    "settling",
+    "launching",
+    "basis input",
+    "braking",
+    "complete",
+)
+"""By the numbers of ``sampler_state_t``."""
+STEPS = ("waiting", "driving", "parked", "gave up at the time limit", "failed", "paused")
+"""By the numbers of ``mpc_state_t``."""
+PERIODS = 5
+"""So many messages in a row may be late before a stream counts as stale."""
+SOONEST_STALE_S = 0.5
+EXCHANGES = frozenset({"VELOCITY_CMD", "ACCELERATION_CMD", "TIME_PONG", "TIME_SYNC"})
+"""Periodic only as long as somebody drives the robot; their silence says nothing by itself."""
+
+
+def word(names: Sequence[str], number: int) -> str:
+    """Return the word for a number of a message, also where the message is nonsense."""
+    return names[number] if 0 <= number < len(names) else f"state {number}"
+
+
+def standing(status: lcmtypes.onboard_status_t) -> str:
+    """Return what the motor loop does."""
+    if status.state == status.FAULT and 0 <= status.fault < 5:
+        return f"FAULT: {why_stopped(status)}"
+    return word(STATES, status.state)
+
+
+def sampling(state: lcmtypes.sampler_state_t) -> str:
+    """Return what a calibration session does."""
+    if state.phase == state.DONE:
+        return f"calibration complete: {state.segments_done} segments"
+    doing = word(PHASES, state.phase)
+    if state.phase == state.BASIS:
+        doing += f" {state.basis_index}"
+    run = min(state.segments_done + 1, state.segments_total)
+    return f"calibrating, segment {run} of {state.segments_total}: {doing}"
+
+
+def parking(state: lcmtypes.mpc_state_t) -> str:
+    """Return what a parking run does."""
+    doing = word(STEPS, state.state)
+    if state.state in (state.DRIVING, state.PAUSED):
+        distance_m = math.hypot(*state.state_in_goal_frame[:2])
+        if math.isfinite(distance_m):
+            return f"parking: {doing}, {distance_m:.2f} m from the goal"
+    return f"parking: {doing}"
+
+
+def stale(streams: Sequence[Stream], nominal: dict[str, float], now_us: int) -> dict[str, float]:
+    """Return the age (s) of each stream that should flow and does not.
+
+    Parameters
+    ----------
+    streams
+        All that were ever heard.
+    nominal
+        By name on the bus, the rate (Hz) of each that should flow.
+    now_us
+        Time (us).
+    """
+    ages = {}
+    for stream in streams:
+        rate_hz = nominal.get(stream.name)
+        if rate_hz is None or stream.channel is None or stream.channel.suffix in EXCHANGES:
+            continue
+        age_s = (now_us - stream.heard_us) * 1e-6
+        if age_s > max(PERIODS / rate_hz, SOONEST_STALE_S):
+            ages[stream.name] = age_s
+    return ages
+
+
+def banners(
+    entries: Sequence[Entry], stale_streams: Sequence[tuple[Stream, float]], lost_view: bool
+) -> list[str]:
+    """Return what is wrong, each in one line: who died, which streams are stale.
+
+    Parameters
+    ----------
+    entries
+        All processes.
+    stale_streams
+        Each with its age (s).
+    lost_view
+        Whether the cameras do not see the robot.
+    """
+    lines = [
+        f"{died(entry.told)}; its last lines stand in the table of processes"
+        for entry in entries
+        if entry.state == DIED and entry.told is not None
+    ]
+    over = {entry.name for entry in entries if entry.state == FINISHED}
+    commanders = {entry.name for entry in entries if entry.name in ENDS}
+    if commanders <= over:
+        over.add("commander")
+    by_publisher: dict[str, list[tuple[Stream, float]]] = {}
+    for stream, age_s in stale_streams:
+        if stream.channel is not None and stream.channel.publisher not in over:
+            by_publisher.setdefault(stream.channel.publisher, []).append((stream, age_s))
+    for publisher, those in by_publisher.items():
+        names = ", ".join(stream.name for stream, _ in those)
+        longest_s = max(age_s for _, age_s in those)
+        lines.append(f"stale for {longest_s:.0f} s, from the {publisher}: {names}")
+    if lost_view:
+        lines.append("the cameras do not see the robot")
+    return lines
