@@ -17,9 +17,12 @@ from offboard.console.goal import goal
 from offboard.console.park import park
 from offboard.console.replay import replay
 from offboard.console.rerun import rerun
+from offboard.console.status import down, status
 from offboard.console.terminal import err
+from offboard.console.topics import topics
 from offboard.console.train import train
 from offboard.console.up import up
+from offboard.console.view import view
 
 EXPECTED_MISTAKE = 2
 INTERRUPTED = 130
@@ -31,7 +34,11 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, up, calibrate, train, park, replay, rerun, goal, estop, fault, doctor):
+COMMANDS = (
+    *(demo, up, status, down, view, topics, calibrate, train, park, replay, rerun),
+    *(goal, estop, fault, doctor),
+)
+for command in COMMANDS:
     app.command()(command)
 app.add_typer(run.app, name="run")
 app.add_typer(log.app, name="log")
