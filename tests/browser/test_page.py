@@ -61,7 +61,7 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(browser
     address, bus = lab
     page = opened(browser, address)
     errors = []
-    page.on("pageerror", errors.append)
+    page.on("pageerror", lambda error: errors.append(error))  # playwright marks what it is given
     expect(page.locator("#line")).to_have_text(
         "R1: at rest, nobody commands it", timeout=PATIENCE_MS
     )
