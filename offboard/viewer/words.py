@@ -30,6 +30,8 @@ STEPS = ("waiting", "driving", "parked", "gave up at the time limit", "failed", 
 PERIODS = 5
 """So many messages in a row may be late before a stream counts as stale."""
 SOONEST_STALE_S = 0.5
+FORGOTTEN_S = 30.0
+"""So long a commander that fell silent is news; the robot stands, and others may drive it."""
 EXCHANGES = frozenset({"VELOCITY_CMD", "ACCELERATION_CMD", "TIME_PONG", "TIME_SYNC"})
 """Periodic only as long as somebody drives the robot; their silence says nothing by itself."""
 
@@ -115,10 +117,12 @@ def banners(
         over.add("commander")
     by_publisher: dict[str, list[tuple[Stream, float]]] = {}
     for stream, age_s in stale_streams:
-        if stream.channel is not None and stream.channel.publisher not in over:
-            by_publisher.setdefault(stream.channel.publisher, []).append((stream, age_s))
+        who: str = "" if stream.channel is None else stream.channel.publisher
+        passing = who == "commander" or who in ENDS
+        if who and who not in over and not (passing and age_s > FORGOTTEN_S):
+            by_publisher.setdefault(who, []).append((stream, age_s))
     for publisher, those in by_publisher.items():
-        names = ", ".join(stream.name for stream, _ in those)
+        names = ", ".join(sorted(stream.name for stream, _ in those))
         longest_s = max(age_s for _, age_s in those)
         lines.append(f"stale for {longest_s:.0f} s, from the {publisher}: {names}")
     if lost_view:

@@ -126,6 +126,15 @@ def test_streams_that_fall_silent_are_named_with_who_should_speak(park):
     assert robot_of(park, later_s=4.0)["line"] == "nothing heard for 4 s"
 
 
+def test_a_commander_that_fell_silent_is_news_for_a_while_only():
+    driving = seen("park.lcm", until_us=3_000_000)
+    soon = robot_of(driving, later_s=5.0)["banners"]
+    assert any("from the controller: R1_CONTROLLER_HEARTBEAT, R1_MPC_STATE" in b for b in soon)
+    late = robot_of(driving, later_s=60.0)["banners"]
+    assert not any("controller" in line or "commander" in line for line in late)
+    assert any("from the plant" in line for line in late)
+
+
 def test_a_replay_is_known_by_the_times_of_its_messages():
     robot = robot_of(seen("park.lcm", later_us=YEAR_US))
     assert robot["replay"]

@@ -11,7 +11,7 @@ const SILENT_MS = 2000;
 const ARMED_MS = 10000;
 
 let socket = null, robots = {}, selected = null, heardAt = 0, lost = "connecting to klab view";
-let spoken = "", snapshotUs = 0, fresh = false, slowAt = 0, armed = null;
+let spoken = "", later = [], snapshotUs = 0, fresh = false, slowAt = 0, armed = null;
 const kept = new Map(); // by robot: rows of the plots, segments, and the numbers of the oldest
 const floor = new Floor(get("floor"), (x1, x2, theta) => {
   const goal = robots[selected]?.goal;
@@ -173,10 +173,10 @@ function facts(robot) {
   });
 }
 
+// What may wait is done a piece a frame, so that the floor never does.
 function slow(robot, mine) {
-  channels(get("channels"), robot.channels);
-  processes(get("processes"), robot.processes);
-  plots.draw(mine.rows, robot.interval_ms);
+  later = [() => channels(get("channels"), robot.channels),
+    () => processes(get("processes"), robot.processes), ...plots.tasks(mine.rows, robot.interval_ms)];
   const sampler = robot.sampler;
   get("progress").hidden = !sampler;
   if (sampler) {
@@ -191,6 +191,7 @@ function frame() {
   requestAnimationFrame(frame);
   banners();
   floorAgain();
+  later.shift()?.();
 }
 
 function floorAgain() {

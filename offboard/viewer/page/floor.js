@@ -74,8 +74,10 @@ export class Floor {
     this.grid(colour("line"), colour("quiet"));
     this.rectangle(Z, colour("set"), [6, 4], "Z");
     this.rectangle(X0, colour("set"), [], "X0");
-    for (const segment of kept.segments) this.path(segment.points, colour("segment"), 2);
+    this.context.globalAlpha = 0.45;
     this.path(kept.trail, colour("robot"), 1.5);
+    this.context.globalAlpha = 1;
+    for (const segment of kept.segments) this.path(segment.points, colour("segment"), 3);
     if (shown.driving) this.path(shown.horizon, colour("horizon"), 3);
     if (shown.goal) this.cross(shown.goal, colour("goal"));
     for (const [name, robot] of Object.entries(robots)) {
