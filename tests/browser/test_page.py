@@ -32,14 +32,15 @@ def browser():
         found.close()
 
 
-@pytest.fixture
-def lab(bus_url, tmp_path):
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory):
     """Bring a lab up with its page; give the page's address and the bus."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    bus = Listener(load_config(overrides=[f"bus.url={bus_url}"]))
-    process = start_klab("up", "--view", "--port", port, "--out", tmp_path / "up")
+    bus = Listener(load_config(overrides=[f"bus.url={os.environ['LCM_DEFAULT_URL']}"]))
+    out = tmp_path_factory.mktemp("runs") / "up"
+    process = start_klab("up", "--view", "--port", port, "--out", out)
     yield f"http://127.0.0.1:{port}/", bus
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=60)
@@ -57,7 +58,22 @@ def opened(browser, address, **settings):
     return pytest.fail("the page is not served")
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_phone_shows_everything_in_reach(browser, lab, scheme):
+    address, _ = lab
+    phone = {"width": 360, "height": 740}
+    page = opened(browser, address, viewport=phone, color_scheme=scheme, has_touch=True)
+    expect(page.locator("#line")).to_contain_text("R1: ", timeout=PATIENCE_MS)
+    expect(page.locator("#stop")).to_be_in_viewport()
+    assert page.evaluate("document.documentElement.scrollWidth") <= phone["width"]
+    # Whatever can be pressed has a name and is large enough for a finger.
+    for control in page.locator("button:visible").all():
+        assert re.search(r"\w", control.inner_text())
+        assert control.bounding_box()["height"] >= 44
+
+
 def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(browser, lab):
+    """The last test: it ends the lab."""
     address, bus = lab
     page = opened(browser, address)
     errors = []
@@ -108,17 +124,3 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(browser
     )
     expect(page.locator("#banners")).to_contain_text("no connection", timeout=PATIENCE_MS)
     assert errors == []
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_phone_shows_everything_in_reach(browser, lab, scheme):
-    address, _ = lab
-    phone = {"width": 360, "height": 740}
-    page = opened(browser, address, viewport=phone, color_scheme=scheme, has_touch=True)
-    expect(page.locator("#line")).to_contain_text("R1: ", timeout=PATIENCE_MS)
-    expect(page.locator("#stop")).to_be_in_viewport()
-    assert page.evaluate("document.documentElement.scrollWidth") <= phone["width"]
-    # Whatever can be pressed has a name and is large enough for a finger.
-    for control in page.locator("button:visible").all():
-        assert re.search(r"\w", control.inner_text())
-        assert control.bounding_box()["height"] >= 44

@@ -1,6 +1,7 @@
 """The page's server as it runs: its own process, real websockets, a real bus."""
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -21,15 +22,16 @@ from koopman_lab.config.load import load_config
 MOST_TRIES = 300
 WAIT_S = 0.02
 LIMIT_S = 20.0
+URL = f"bus.url={os.environ['LCM_DEFAULT_URL']}"
 
 
 class Bench:
     """A robot's voice on the bus, and a page's ear at the server."""
 
-    def __init__(self, bus_url, process, address):
-        self.process, self.address = process, address
+    def __init__(self, process, address, name="R1"):
+        self.process, self.address, self.name = process, address, name
         self.stops, self.goals = [], []
-        self.bus = Listener(load_config(overrides=[f"bus.url={bus_url}"]))
+        self.bus = Listener(load_config(overrides=[URL, f"robot.name={name}"]))
         self.bus.subscribe(ESTOP, self.stops.append)
         self.bus.subscribe(GOAL, self.goals.append)
         self.state = lcmtypes.onboard_status_t.REST
@@ -62,14 +64,14 @@ class Bench:
         """Speak and listen until a snapshot is as wanted."""
         for _ in range(MOST_TRIES):
             self.speak()
-            robot = self.snapshot(socket)["robots"].get("R1")
+            robot = self.snapshot(socket)["robots"].get(self.name)
             if robot is not None and condition(robot):
                 return robot
         return pytest.fail("the page never showed it")
 
     def ask(self, socket, **request):
         """Send a request and return the answer."""
-        socket.send(json.dumps({"robot": "R1"} | request))
+        socket.send(json.dumps({"robot": self.name} | request))
         for _ in range(MOST_TRIES):
             self.speak()
             if self.stops:
@@ -81,16 +83,20 @@ class Bench:
         return pytest.fail("no answer")
 
 
-@pytest.fixture
-def bench(bus_url):
+@pytest.fixture(scope="module")
+def served():
     process = subprocess.Popen(
-        [*KLAB, "view", "--url", bus_url, "--port", "0"], stderr=subprocess.PIPE, text=True
+        [*KLAB, "view", "--set", URL, "--port", "0"], stderr=subprocess.PIPE, text=True
     )
-    address = re.search(r"http://\S+", process.stderr.readline()).group()
-    yield Bench(bus_url, process, address)
+    yield process, re.search(r"http://\S+", process.stderr.readline()).group()
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=LIMIT_S)
     assert process.returncode == 130
+
+
+@pytest.fixture
+def bench(served):
+    return Bench(*served)
 
 
 def test_the_page_is_served_whole_and_nobody_elses_page_may_use_it(bench):
@@ -153,7 +159,8 @@ def test_a_goal_off_the_floor_is_refused_and_a_good_one_is_sent(bench):
         assert bench.goals[0].goal_x1_m == 0.5
 
 
-def test_a_replay_cannot_be_steered(bench):
+def test_a_replay_cannot_be_steered(served):
+    bench = Bench(*served, name="R2")
     bench.late_us = 3600_000_000
     with bench.page() as socket:
         robot = bench.until(socket, lambda robot: robot["replay"])
