@@ -18,20 +18,18 @@ class Process(NamedTuple):
         Nodes without which it has nothing to do.
     stopped_by
         Who may stop it, in words; whatever else ends it is a crash.
-    ends
-        Whether it ends by itself when its work is done.
     """
 
     name: str
     needs: tuple[str, ...]
     stopped_by: str
-    ends: bool = False
 
 
 STARTER = "the command that started it, by Ctrl-C or `klab down`"
 PROCESSES: tuple[Process, ...] = (
-    Process("sampler", ("onboard", "logger"), "itself when done, or `klab calibrate`", ends=True),
-    Process("controller", ("onboard", "logger"), "itself when done, or `klab park`", ends=True),
+    Process("sampler", ("onboard", "logger"), "itself when done, or `klab calibrate`"),
+    Process("controller", ("onboard", "logger"), "itself when done, or `klab park`"),
+    Process("reference", ("onboard", "logger"), "itself when done, or `klab reference`"),
     Process("onboard", ("plant",), STARTER),
     Process("plant", (), STARTER),
     Process("logger", (), STARTER),
@@ -40,7 +38,6 @@ PROCESSES: tuple[Process, ...] = (
 )
 """In the order in which they stop: who commands first; the logger writes down the rest."""
 NAMES = tuple(process.name for process in PROCESSES)
-ENDS = frozenset(process.name for process in PROCESSES if process.ends)
 
 
 def died(message: lcmtypes.process_t) -> str:

@@ -37,10 +37,21 @@ Rate = Literal[
     "mocap", "motor", "wheel_state", "status", "control", "heartbeat", "info", "ping", "event"
 ]
 Owner = Literal[
-    "plant", "onboard", "logger", "sampler", "controller", "operator", "commander", "supervisor"
+    "plant",
+    "onboard",
+    "logger",
+    "sampler",
+    "controller",
+    "reference",
+    "operator",
+    "commander",
+    "supervisor",
 ]
-"""Who publishes; ``commander`` is whichever of sampler and controller drives the robot, and
+"""Who publishes; ``commander`` is whichever of :data:`DRIVERS` drives the robot, and
 ``supervisor`` each command that has started processes."""
+
+DRIVERS: tuple[Owner, ...] = ("sampler", "controller", "reference")
+"""Nodes that command the robot. They speak on the same channels, one of them at a time."""
 
 INFO_RATE_HZ = 1.0
 """What a log needs to explain itself is four kilobytes; once a second is soon enough."""
@@ -95,6 +106,7 @@ GOAL = Channel("GOAL", lcmtypes.goal_t, "event", "operator")
 FAULT = Channel("FAULT", lcmtypes.fault_t, "event", "operator", wired=True)
 PLANT_TRUTH = Channel("PLANT_TRUTH", lcmtypes.plant_truth_t, "motor", "plant")
 SAMPLER_STATE = Channel("SAMPLER_STATE", lcmtypes.sampler_state_t, "control", "sampler")
+REFERENCE_STATE = Channel("REFERENCE_STATE", lcmtypes.reference_state_t, "control", "reference")
 MPC_STATE = Channel("MPC_STATE", lcmtypes.mpc_state_t, "control", "controller")
 LOGGER_STATUS = Channel("LOGGER_STATUS", lcmtypes.logger_status_t, "heartbeat", "logger")
 TIME_PING = Channel("TIME_PING", lcmtypes.time_ping_t, "ping", "onboard")
@@ -105,7 +117,7 @@ SESSION_INFO = Channel("SESSION_INFO", lcmtypes.session_info_t, "info", "command
 PROCESS = Channel("PROCESS", lcmtypes.process_t, "event", "supervisor", logged=False)
 HEARTBEATS: dict[str, Channel[lcmtypes.node_status_t]] = {
     node: Channel(f"{node.upper()}_HEARTBEAT", lcmtypes.node_status_t, "heartbeat", node)
-    for node in ("plant", "onboard", "logger", "sampler", "controller")
+    for node in ("plant", "onboard", "logger", *DRIVERS)
 }
 
 CHANNELS: tuple[Channel[Any], ...] = (
@@ -122,6 +134,7 @@ CHANNELS: tuple[Channel[Any], ...] = (
     FAULT,
     PLANT_TRUTH,
     SAMPLER_STATE,
+    REFERENCE_STATE,
     MPC_STATE,
     LOGGER_STATUS,
     TIME_PING,

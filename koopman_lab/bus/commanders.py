@@ -13,7 +13,10 @@ NAMES = {
     _ROLES.SAMPLER: "sampler",
     _ROLES.CONTROLLER: "controller",
     _ROLES.OPERATOR: "operator",
+    _ROLES.REFERENCE: "reference",
 }
+NOBODY = 0
+"""In place of a commander's number: the robot is free."""
 SHARE = 8
 """The number is the role plus so many times the process; in lockstep there is one process, 0."""
 

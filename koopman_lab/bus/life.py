@@ -6,7 +6,7 @@ import struct
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from koopman_lab.bus.channels import ABOARD, CHANNELS, HEARTBEATS
+from koopman_lab.bus.channels import ABOARD, CHANNELS, DRIVERS, HEARTBEATS
 from koopman_lab.bus.clock import PPM
 from koopman_lab.bus.replay import rhythm
 from koopman_lab.bus.sequence import SequenceCounter
@@ -15,8 +15,6 @@ from koopman_lab.data.eventlog import Event
 from koopman_lab.errors import LogError
 from koopman_lab.units import US_PER_S
 
-DRIVERS = ("sampler", "controller")
-"""They speak on the same channels, so a log of both does not tell who said what."""
 LATEST_START_S = 5.0
 """A log that begins later after the node's start does not hold what the node went through."""
 

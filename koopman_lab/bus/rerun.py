@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
-from koopman_lab.bus.channels import CHANNELS, Channel, Owner
-from koopman_lab.bus.life import DRIVERS, Life
+from koopman_lab.bus.channels import CHANNELS, DRIVERS, Channel, Owner
+from koopman_lab.bus.life import Life
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node, Port
 from koopman_lab.config.schema import LabConfig

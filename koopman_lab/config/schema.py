@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 RobotKind = Literal["kinematic", "dynamic"]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -311,6 +311,34 @@ class Sampler(Section):
         return dict(enumerate(self.basis_inputs, start=3 - len(self.basis_inputs)))
 
 
+class InfinityShape(Section):
+    """A lying eight at constant speed, from a stand on the straight line to its crossing."""
+
+    start_pose: Triple
+    speed_m_per_s: Positive
+    lap_s: Positive
+
+
+class SquareShape(Section):
+    """Four straight sides, a turn on the spot to the left after each."""
+
+    start_pose: Triple
+    speed_m_per_s: Positive
+    side_m: Positive
+    turn_speed_rad_per_s: Positive
+
+
+class Reference(Section):
+    """Runs that models are validated with."""
+
+    runs: Annotated[int, Field(ge=1)]
+    acceleration_m_per_s2: Positive
+    turn_acceleration_rad_per_s2: Positive
+    settle_s: NotNegative
+    infinity: InfinityShape
+    square: SquareShape
+
+
 class Processing(Section):
     """From a session log to a data set."""
 
@@ -321,17 +349,49 @@ class Processing(Section):
     remove_marker_offset: bool
 
 
-class Model(Section):
-    """What is learned."""
+def _joined(given: Any) -> Any:
+    if not isinstance(given, (list, tuple)):
+        return given
+    wrong = [i for i in given if isinstance(i, bool) or not isinstance(i, (str, int, float))]
+    if wrong:
+        raise ValueError(f"{wrong[0]!r} is no expression")
+    return ", ".join(map(str, given))
 
-    dictionary: str
+
+class Model(Section):
+    """What is learned.
+
+    A dictionary is a name, or expressions: as a list, or with commas between them.
+    """
+
+    dictionary: Annotated[str, BeforeValidator(_joined)]
+
+
+CostName = Literal["me", "ce", "ds"]
+"""Stage costs of the paper's section 3.3."""
+
+
+BackEnd = Literal["ddp", "fatrop", "ipopt"]
+"""Solvers of the optimal control problem."""
 
 
 class Weights(Section):
-    """Diagonal weights of one stage cost: q for states, r for inputs."""
+    """Diagonal weights of one stage cost: q for states (``ds``: observables), r for inputs.
 
-    q: tuple[NotNegative, ...]
+    A single weight in the q of ``ds`` is that of every observable.
+    """
+
+    q: Annotated[tuple[NotNegative, ...], Field(min_length=1)]
     r: tuple[Positive, Positive]
+
+
+class OffsetFree(Section):
+    """What takes the steady error of a model out of the plans."""
+
+    enabled: bool
+    time_constant_s: Positive
+    largest_m_per_s: Positive
+    largest_rad_per_s: Positive
 
 
 class Area(Section):
@@ -346,11 +406,14 @@ class Controller(Section):
 
     dt_s: Positive
     horizon: Annotated[int, Field(ge=1, le=1000)]
-    cost: Literal["me"]
+    cost: CostName
     reprojection: bool
+    solver: BackEnd
     use_compiler: bool
+    offset_free: OffsetFree
     u_max: tuple[Positive, Positive]
-    weights: dict[Literal["me"], Weights]
+    speed_max: tuple[Positive, Positive] | None
+    weights: dict[CostName, Weights]
     goal_area: Area
     parked_position_m: Pair
     parked_angle_rad: Positive
@@ -381,6 +444,7 @@ class LabConfig(Section):
     mocap: Mocap
     logger: Logger
     sampler: Sampler
+    reference: Reference
     processing: Processing
     model: Model
     controller: Controller
@@ -389,13 +453,18 @@ class LabConfig(Section):
     def _fits_the_robot(self) -> LabConfig:
         kind, states = self.robot.kind, {"kinematic": 3, "dynamic": 5}[self.robot.kind]
         for cost, weights in self.controller.weights.items():
-            if len(weights.q) != states:
+            if cost != "ds" and len(weights.q) != states:
                 raise ValueError(
                     f"controller.weights.{cost}.q has {len(weights.q)} weights, "
                     f"the {kind} robot has {states} states"
                 )
         if self.controller.cost not in self.controller.weights:
             raise ValueError(f"controller.weights lacks the cost {self.controller.cost!r}")
+        if kind == "kinematic" and self.controller.speed_max is not None:
+            raise ValueError(
+                "controller.speed_max is for the dynamic robot; the inputs of the kinematic one "
+                "are its speeds, bounded by controller.u_max"
+            )
         if kind == "dynamic" and len(self.sampler.basis_inputs) != 3:
             raise ValueError("sampler.basis_inputs of the dynamic robot must be u_0, u_1, u_2")
         return self

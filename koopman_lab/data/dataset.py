@@ -125,6 +125,8 @@ class DataSet:
             # Opened here because numpy leaves a damaged archive open.
             with path.open("rb") as archive, np.load(archive, allow_pickle=False) as file:
                 header = json.loads(bytes(file["header"]))
+                if "matrices" in file:
+                    raise ValueError("a model, whose formats are others")
                 if header["format"] != FORMAT:
                     raise DataError(
                         f"{path}: data set of format {header['format']}, this version reads "
@@ -189,6 +191,7 @@ class DataSet:
         }
         metadata = {
             "robot_name": recorded.robot_name,
+            "robot": lab.robot.model_dump(mode="json"),
             "frame_rate_hz": rate_hz,
             "processing": settings.model_dump(mode="json"),
             "marker": recorded.marker.as_dict(),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from koopman_lab.bus.channels import MOCAP_POSE, SAMPLER_STATE
+from koopman_lab.bus.channels import MOCAP_POSE, REFERENCE_STATE, SAMPLER_STATE
 from koopman_lab.config.schema import LabConfig, Processing
 from koopman_lab.data.collect import check_frames, check_runs
 from koopman_lab.data.decode import SessionLog
@@ -86,6 +86,11 @@ def recording(
     frames, states = log.array(MOCAP_POSE), log.array(SAMPLER_STATE)
     runs = basis_runs(states)
     rate_hz, inputs = config.mocap.rate_hz, config.sampler.indexed_inputs
+    if not runs and len(log.array(REFERENCE_STATE)):
+        raise DataError(
+            f"{log.path}: holds reference runs, which are for `klab validate` and never trained "
+            "with; give the log of a session that `klab calibrate` recorded"
+        )
     complete = completed(runs, states)
     check_runs(f"{log.path}, {SAMPLER_STATE.name(log.robot_name)}", complete, inputs)
     check_frames(f"{log.path}, {MOCAP_POSE.name(log.robot_name)}", frames["utime"], rate_hz)

@@ -63,7 +63,7 @@ def completed(runs: Sequence[Run], states: StructuredArray) -> list[Run]:
     states
         Messages of SAMPLER_STATE (N,).
     """
-    states = _in_time(states)
+    states = in_time(states)
     utime, done = states["utime"], states["segments_done"]
     kept = []
     for run in runs:
@@ -82,7 +82,7 @@ def phase_runs(states: StructuredArray, phase: int) -> list[Run]:
     A run lasts from the utime of its first state to that of the first state after it. Where that
     state is missing, the run ends with the last state that is known to belong to it.
     """
-    states = _in_time(states)
+    states = in_time(states)
     if not len(states):
         return []
     inside = states["phase"] == phase
@@ -128,7 +128,7 @@ def cut(
     discard_start_s, discard_end_s
         What to leave out at either end of each run (s).
     """
-    frames = _in_time(frames)
+    frames = in_time(frames)
     utime = frames["utime"].astype(np.int64)
     poses = np.column_stack([frames["x1_m"], frames["x2_m"], frames["theta_rad"]])
     usable = frames["tracking_valid"] & np.isfinite(poses).all(axis=1)
@@ -153,7 +153,7 @@ def cut(
     return segments
 
 
-def _in_time(messages: StructuredArray) -> StructuredArray:
+def in_time(messages: StructuredArray) -> StructuredArray:
     """Order messages by utime; of those with the same utime only the first is kept."""
     if np.all(np.diff(messages["utime"]) > 0):
         return messages

@@ -1,8 +1,10 @@
-"""Path of a parking run, and its value function over the same marks."""
+"""Paths of parking runs, and their value functions over the same marks."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,18 +16,13 @@ MARKS = 12
 ARROW_M = 0.05
 
 
-def draw_path(
-    stem: Path,
-    time_s: NDArray[np.float64],
-    poses: NDArray[np.float64],
-    value: NDArray[np.float64],
-) -> None:
-    """Write ``stem.pdf`` and ``stem.png``.
+class Curve(NamedTuple):
+    """One run.
 
-    Parameters
+    Attributes
     ----------
-    stem
-        Path without ending.
+    label
+        Of the legend; there is none for a single run.
     time_s
         Time of each step (N,).
     poses
@@ -33,27 +30,48 @@ def draw_path(
     value
         Value function of each step (N,).
     """
+
+    label: str
+    time_s: NDArray[np.float64]
+    poses: NDArray[np.float64]
+    value: NDArray[np.float64]
+
+
+def draw_paths(stem: Path, curves: Sequence[Curve]) -> None:
+    """Write ``stem.pdf`` and ``stem.png``.
+
+    Parameters
+    ----------
+    stem
+        Path without ending.
+    curves
+        At least one.
+    """
     figure = new_figure(width=9.0, height=4.0)
     plane, values = figure.subplots(1, 2)
-    marked = np.unique(np.linspace(0, len(time_s) - 1, MARKS).round().astype(int))
-    plane.plot(poses[:, 0], poses[:, 1], color="tab:blue")
-    plane.quiver(
-        poses[marked, 0],
-        poses[marked, 1],
-        ARROW_M * np.cos(poses[marked, 2]),
-        ARROW_M * np.sin(poses[marked, 2]),
-        angles="xy",
-        scale_units="xy",
-        scale=1.0,
-        color="tab:blue",
-        width=0.006,
-    )
+    for number, (label, time_s, poses, value) in enumerate(curves):
+        color, line = f"C{number}", ("-", "--", "-.", ":")[number % 4]
+        marked = np.unique(np.linspace(0, len(time_s) - 1, MARKS).round().astype(int))
+        plane.plot(poses[:, 0], poses[:, 1], line, color=color, label=label)
+        plane.quiver(
+            poses[marked, 0],
+            poses[marked, 1],
+            ARROW_M * np.cos(poses[marked, 2]),
+            ARROW_M * np.sin(poses[marked, 2]),
+            angles="xy",
+            scale_units="xy",
+            scale=1.0,
+            color=color,
+            width=0.006,
+        )
+        values.semilogy(time_s, np.maximum(value, np.finfo(float).tiny), line, color=color)
+        values.semilogy(time_s[marked], value[marked], "o", color=color, markersize=4)
     plane.plot(0.0, 0.0, "x", color="tab:red", markersize=10, markeredgewidth=2)
     plane.set(xlabel="$x_1$ (m)", ylabel="$x_2$ (m)", title="path, goal at the cross")
-    plane.set_aspect("equal", adjustable="datalim")
+    plane.set_aspect("equal", adjustable="box")
     plane.grid(visible=True)
-    values.semilogy(time_s, np.maximum(value, np.finfo(float).tiny), color="tab:blue")
-    values.semilogy(time_s[marked], value[marked], "o", color="tab:blue", markersize=4)
+    if len(curves) > 1:
+        plane.legend(fontsize="small")
     values.set(xlabel="time (s)", ylabel="value function", title="optimal cost")
     values.grid(visible=True)
     save(figure, stem)

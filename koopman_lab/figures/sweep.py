@@ -11,6 +11,9 @@ from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
 from koopman_lab.koopman.sweep import STEPS, Entry, SweepRow, as_table
 
+STYLES = ("o-", "s--")
+"""Of the estimators."""
+
 
 def draw_sweep(stem: Path, rows: Sequence[SweepRow], entries: Sequence[Entry]) -> None:
     """Write ``stem.pdf``, ``stem.png`` and the numbers as ``stem.csv``.
@@ -25,19 +28,27 @@ def draw_sweep(stem: Path, rows: Sequence[SweepRow], entries: Sequence[Entry]) -
         Those of the matrices to show, each as its deviation from the nominal equations.
     """
     fitted = [row for row in rows if row.entries is not None]
-    windows = [row.window for row in fitted]
+    estimators = list(dict.fromkeys(row.estimator for row in fitted))
     figure = new_figure(width=11.0, height=3.6)
     left, middle, right = figure.subplots(1, 3)
-    for entry in entries:
-        off = [abs((row.entries or {})[entry.name] / entry.nominal - 1.0) for row in fitted]
-        left.plot(windows, np.maximum(off, np.finfo(float).eps), "o-", label=entry.name)
+    for estimator, style in zip(estimators, STYLES, strict=False):
+        of = [row for row in fitted if row.estimator == estimator]
+        says = "" if len(estimators) == 1 else f", {estimator}"
+        windows = [row.window for row in of]
+        for number, entry in enumerate(entries):
+            off = [abs((row.entries or {})[entry.name] / entry.nominal - 1.0) for row in of]
+            off = np.maximum(off, np.finfo(float).eps).tolist()
+            left.plot(windows, off, style, color=f"C{number}", label=f"{entry.name}{says}")
+        for number, (name, label) in enumerate(
+            (("one_step", "1 step"), ("multi_step", f"{STEPS} steps"))
+        ):
+            known = [(row.window, getattr(row, name)) for row in of]
+            at = [w for w, e in known if e is not None]
+            found = [e for _, e in known if e is not None]
+            with_label = {"color": f"C{number}", "label": f"{label}{says}"}
+            middle.plot(at, [1e3 * e.position_mean_m for e in found], style, **with_label)
+            right.plot(at, [np.degrees(e.angle_mean_rad) for e in found], style, **with_label)
     left.set(title="entries of the matrices", ylabel="deviation, share of nominal")
-    for name, label in (("one_step", "1 step"), ("multi_step", f"{STEPS} steps")):
-        found = [getattr(row, name) for row in fitted]
-        with_errors = [(w, e) for w, e in zip(windows, found, strict=True) if e is not None]
-        at = [w for w, _ in with_errors]
-        middle.plot(at, [1e3 * e.position_mean_m for _, e in with_errors], "o-", label=label)
-        right.plot(at, [np.degrees(e.angle_mean_rad) for _, e in with_errors], "o-", label=label)
     middle.set(title="position, held-out runs", ylabel="mean error (mm)")
     right.set(title="orientation, held-out runs", ylabel="mean error (deg)")
     for axes in (left, middle, right):

@@ -11,6 +11,8 @@ from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.source import window_of
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.koopman.excitation import excitation
+from koopman_lab.koopman.moments import Moments
+from koopman_lab.koopman.samples import add_samples, samples
 from koopman_lab.robot.models import nominal_model
 
 
@@ -32,7 +34,9 @@ def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:
     bases = {}
     for index, u in sorted(dataset.basis_inputs.items()):
         X, Y = dataset.X[index], dataset.Y[index]
-        found = asdict(excitation(observables.lift(X), dataset.segments[index]))
+        moments = Moments(observables.size)
+        add_samples(moments, samples(dataset, index, observables))
+        found = asdict(excitation(moments))
         if not np.isfinite(found["condition"]):
             found["condition"] = None
         bases[str(index)] = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from koopman_lab.config.schema import RobotKind
 from koopman_lab.errors import ModelError
+from koopman_lab.koopman.expression import Components, Expressions, canonical, split
 from koopman_lab.robot.models import nominal_model
 
 Array = NDArray[np.float64]
-Components = list[Any]
-"""Numbers, arrays of equal shape, or CasADi symbols."""
+OWN = "own"
+"""What dictionaries are called that have only expressions: D8own."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,9 @@ class Dictionary:
     of the state and the module of functions to use, NumPy or CasADi. The first observable is the
     constant. ``state_rows`` says where psi holds each state; an angle that psi does not hold
     has row None and follows from ``cosine_row`` and ``sine_row``.
+
+    Of expressions :func:`from_expressions` makes one; a function of one's own goes in here
+    directly, and :func:`register` makes it known by name.
     """
 
     name: str
@@ -35,6 +39,12 @@ class Dictionary:
     state_rows: tuple[int | None, ...]
     cosine_row: int | None = None
     sine_row: int | None = None
+
+    @property
+    def expressions(self) -> tuple[str, ...] | None:
+        """Return the observables as expressions, None where they are a function of one's own."""
+        given = self.observables
+        return given.texts if isinstance(given, Expressions) else None
 
     @property
     def size(self) -> int:
@@ -75,7 +85,7 @@ class Dictionary:
         ]
 
     def _angle(self, psi: Components, previous_theta: Any, m: Any) -> Any:
-        assert self.cosine_row is not None  # by the definitions below
+        assert self.cosine_row is not None  # no dictionary is without: from_expressions, register
         assert self.sine_row is not None
         cosine, sine = psi[self.cosine_row], psi[self.sine_row]
         if previous_theta is None:
@@ -84,50 +94,84 @@ class Dictionary:
         return previous_theta + m.arctan2(sine * c - cosine * s, cosine * c + sine * s)
 
 
-def _d5t(x: Components, m: Any) -> Components:
-    x1, x2, theta = x
-    return [1.0, x1, x2, m.cos(theta), m.sin(theta)]
+def from_expressions(name: str, kind: RobotKind, expressions: Sequence[str]) -> Dictionary:
+    """Return a dictionary of expressions such as ``v*cos(theta)``.
 
+    Where psi holds the states is found by the expressions that are a state and nothing else.
 
-def _d8_euler(z: Components, m: Any) -> Components:
-    x1, x2, theta, v, omega = z
-    return [1.0, x1, x2, theta, v, omega, v * m.cos(theta), v * m.sin(theta)]
+    Parameters
+    ----------
+    name
+        What to call it.
+    kind
+        Whose states: x1, x2, theta and, for the second-order robot, v, omega.
+    expressions
+        The constant ``1`` first; see :mod:`koopman_lab.koopman.expression` for what is allowed.
 
-
-def _d10_monomial(z: Components, _: Any) -> Components:
-    x1, x2, theta, v, omega = z
-    powers = [v * theta**2, v * theta**3, v * theta**4]
-    return [1.0, x1, x2, theta, v, omega, v * omega, *powers]
-
-
-def _d13_trigonometric(z: Components, m: Any) -> Components:
-    x1, x2, theta, v, omega = z
-    s, c = m.sin(theta), m.cos(theta)
-    return [1.0, x1, x2, s, c, v, omega, v * c, v * s, omega * s, omega * c, s * c, c * c]
-
-
-def _d12_fourier(z: Components, m: Any) -> Components:
-    x1, x2, theta, v, omega = z
-    waves = [v * wave(k * theta) for k in (1, 2, 3) for wave in (m.cos, m.sin)]
-    return [1.0, x1, x2, theta, v, omega, *waves]
+    Raises
+    ------
+    ModelError
+        If an expression is not allowed or occurs twice, the constant is not the first, or a state
+        cannot be told from the observables.
+    """
+    states = nominal_model(kind).state_names
+    known: list[str] = []
+    for text in expressions:
+        spelled = canonical(text, states)
+        if spelled in known:
+            raise ModelError(f"dictionary {name}: observable {text!r} occurs twice; drop one")
+        known.append(spelled)
+    if not known or known[0] not in ("1", "1.0"):
+        raise ModelError(
+            f"dictionary {name}: the first observable is "
+            f"{expressions[0] if known else 'missing'!r}, expected the constant '1'"
+        )
+    rows = {text: row for row, text in enumerate(known)}
+    missing = [state for state in states if state not in rows and state != "theta"]
+    if missing:
+        raise ModelError(
+            f"dictionary {name}: no observable is the state {missing[0]}, so a prediction could "
+            f"not be read off; add {', '.join(map(repr, missing))}"
+        )
+    cosine, sine = rows.get("cos(theta)"), rows.get("sin(theta)")
+    if "theta" not in rows and (cosine is None or sine is None):
+        raise ModelError(
+            f"dictionary {name}: the angle cannot be read off; add 'theta', or both 'cos(theta)' "
+            "and 'sin(theta)'"
+        )
+    return Dictionary(
+        name,
+        kind,
+        tuple(expressions),
+        Expressions(tuple(expressions), tuple(states)),
+        tuple(rows.get(state) for state in states),
+        None if "theta" in rows else cosine,
+        None if "theta" in rows else sine,
+    )
 
 
 _STATE = ("1", "x1", "x2", "theta", "v", "omega")
 
-D5T = Dictionary(
-    "D5t", "kinematic", ("1", "x1", "x2", "cos(theta)", "sin(theta)"), _d5t, (1, 2, None), 3, 4
+D5T = from_expressions("D5t", "kinematic", ("1", "x1", "x2", "cos(theta)", "sin(theta)"))
+"""Of section 3.4, eq. D5t_kinematic."""
+D6_EULER = from_expressions(
+    "D6Eul", "kinematic", ("1", "x1", "x2", "theta", "cos(theta)", "sin(theta)")
 )
-D8_EULER = Dictionary(
-    "D8Eul", "dynamic", (*_STATE, "v*cos(theta)", "v*sin(theta)"), _d8_euler, (1, 2, 3, 4, 5)
+"""Right-hand side of the Euler-forward step under a constant input.
+
+Section 3.4 names this kind of dictionary as one of the earlier study (Bold et al.) without
+listing it: the observables here are the terms of that right-hand side.
+"""
+D7_MONOMIAL = from_expressions(
+    "D7m", "kinematic", ("1", "x1", "x2", "theta", "theta^2", "theta^3", "theta^4")
 )
-D10_MONOMIAL = Dictionary(
-    "D10m",
-    "dynamic",
-    (*_STATE, "v*omega", "v*theta^2", "v*theta^3", "v*theta^4"),
-    _d10_monomial,
-    (1, 2, 3, 4, 5),
+"""Monomials of the orientation up to order four, as section 3.4 names them of the earlier study."""
+D8_EULER = from_expressions("D8Eul", "dynamic", (*_STATE, "v*cos(theta)", "v*sin(theta)"))
+"""Of section 3.4, eq. dict_Euler; those below of eq. dict_2order."""
+D10_MONOMIAL = from_expressions(
+    "D10m", "dynamic", (*_STATE, "v*omega", "v*theta^2", "v*theta^3", "v*theta^4")
 )
-D13_TRIGONOMETRIC = Dictionary(
+D13_TRIGONOMETRIC = from_expressions(
     "D13t",
     "dynamic",
     (
@@ -145,30 +189,52 @@ D13_TRIGONOMETRIC = Dictionary(
         "sin(theta)*cos(theta)",
         "cos(theta)^2",
     ),
-    _d13_trigonometric,
-    (1, 2, None, 5, 6),
-    cosine_row=4,
-    sine_row=3,
 )
-D12_FOURIER = Dictionary(
+D12_FOURIER = from_expressions(
     "D12f",
     "dynamic",
     _STATE + tuple(f"v*{wave}({k}*theta)" for k in (1, 2, 3) for wave in ("cos", "sin")),
-    _d12_fourier,
-    (1, 2, 3, 4, 5),
 )
 
-DICTIONARIES = {d.name: d for d in (D5T, D8_EULER, D10_MONOMIAL, D13_TRIGONOMETRIC, D12_FOURIER)}
+DICTIONARIES = {
+    d.name: d
+    for d in (D5T, D6_EULER, D7_MONOMIAL, D8_EULER, D10_MONOMIAL, D13_TRIGONOMETRIC, D12_FOURIER)
+}
 
 
-def dictionary(name: str, kind: RobotKind) -> Dictionary:
-    """Return a dictionary by its name.
+def register(own: Dictionary) -> None:
+    """Make a dictionary known by its name, to :func:`dictionary` and to model files.
 
     Raises
     ------
     ModelError
-        If there is none of this name for the robot; the message lists those there are.
+        If another one has the name already, or its rows do not fit its robot.
     """
+    known = DICTIONARIES.get(own.name, own)
+    if known != own:
+        raise ModelError(f"dictionary {own.name!r}: there is one of this name; choose another")
+    angle = own.state_rows[2] if own.state_dim > 2 else None
+    turned = own.cosine_row is not None and own.sine_row is not None
+    if own.state_dim != nominal_model(own.kind).state_dim or (angle is None and not turned):
+        raise ModelError(
+            f"dictionary {own.name!r}: state_rows need a row for each state of the {own.kind} "
+            "robot; None only for theta, and then cosine_row and sine_row"
+        )
+    DICTIONARIES[own.name] = own
+
+
+def dictionary(name: str, kind: RobotKind) -> Dictionary:
+    """Return a dictionary by its name, or of expressions with commas between them.
+
+    Raises
+    ------
+    ModelError
+        If there is none of this name for the robot; the message lists those there are. If an
+        expression is not allowed.
+    """
+    if "," in name:
+        expressions = split(name)
+        return from_expressions(f"D{len(expressions)}{OWN}", kind, expressions)
     fitting = [d for d in DICTIONARIES.values() if d.kind == kind]
     for candidate in fitting:
         if candidate.name == name:
@@ -177,5 +243,5 @@ def dictionary(name: str, kind: RobotKind) -> Dictionary:
     raise ModelError(
         f"dictionary {name!r}: {reason}; for the {kind} robot (states "
         f"{', '.join(nominal_model(kind).state_names)}) there are: "
-        f"{', '.join(d.name for d in fitting)}"
+        f"{', '.join(d.name for d in fitting)}, or expressions with commas between them"
     )

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from koopman_lab.errors import DataError
 from koopman_lab.koopman.dictionary import Dictionary
+from koopman_lab.koopman.moments import Moments
 
 SMALLEST_SHARE = 1e-3
 """Directions weaker than this share of the strongest count as not excited.
@@ -56,25 +56,13 @@ class Excitation:
             )
 
 
-def excitation(
-    psi: NDArray[np.float64],
-    segments: NDArray[np.int64],
-    smallest_share: float = SMALLEST_SHARE,
-) -> Excitation:
-    """Return how the lifted samples ``psi`` (d, M) of segments (d,) excite the dictionary."""
-    samples, observables = psi.shape
+def excitation(moments: Moments, smallest_share: float = SMALLEST_SHARE) -> Excitation:
+    """Return how samples excite the dictionary."""
+    samples, observables = moments.samples, moments.observables
     if samples == 0:
         return Excitation(0, 0, observables, 0, 0.0, float("inf"))
-    values = np.linalg.svd(np.linalg.qr(psi / column_scale(psi), mode="r"), compute_uv=False)
-    values = values / np.sqrt(samples)
+    values = np.linalg.svd(moments.x / moments.scale, compute_uv=False) / np.sqrt(samples)
     rank = int(np.sum(values > smallest_share * values[0]))
-    smallest = float(values[-1]) if len(values) == observables else 0.0
+    smallest = float(values[-1]) if samples >= observables else 0.0
     condition = float(values[0] / smallest) if smallest > 0.0 else float("inf")
-    count = len(np.unique(segments))
-    return Excitation(samples, count, observables, rank, smallest, condition)
-
-
-def column_scale(psi: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the root mean square of each column (M,), one where a column is zero."""
-    scale = np.sqrt(np.mean(psi**2, axis=0))
-    return np.where(scale > 0.0, scale, 1.0)
+    return Excitation(samples, moments.segments, observables, rank, smallest, condition)

@@ -2,42 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.data.dataset import DataSet
-from koopman_lab.geometry import wrap_angle
+from koopman_lab.data.later import begin_later
+from koopman_lab.koopman.metrics import Errors, deviations, summary
 from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]
 EVERY = 5
 """Every fifth run of each basis input is held out."""
-LARGEST_TIME_ERROR = 0.01
-"""In sampling times: what counts as the same time."""
 MOST_STARTS = 2000
 """Of predictions for each basis input; more change nothing."""
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Of predictions ``steps`` sampling times ahead, from ``starts`` states.
-
-    Mean and largest distance (m), mean and largest difference of the angle (rad), and of v (m/s)
-    and omega (rad/s) the mean difference, None for the kinematic robot.
-    """
-
-    steps: int
-    starts: int
-    position_mean_m: float
-    position_max_m: float
-    angle_mean_rad: float
-    angle_max_rad: float
-    v_mean_m_per_s: float | None
-    omega_mean_rad_per_s: float | None
-
 
 Runs = dict[int, NDArray[np.int64]]
 """By basis index: numbers of runs (k,)."""
@@ -80,54 +60,23 @@ def errors(model: BilinearModel, dataset: DataSet, steps: int) -> Errors | None:
     steps
         How far ahead, at least 1.
     """
-    differences = [np.zeros((0, model.state_dim))]
+    found = [np.zeros((0, max(2, model.state_dim - 1)))]
     for index, u in dataset.basis_inputs.items():
         starts, ends = _matched(dataset, index, steps)
         if not len(starts):
             continue
         x0, x_end = dataset.X[index][starts], dataset.Y[index][ends]
         inputs = np.broadcast_to(u, (len(x0), steps, 2))
-        differences.append(model.predict(x0, inputs)[:, -1] - x_end)
-    found = np.concatenate(differences)
-    if not len(found):
-        return None
-    distance, angle = np.hypot(found[:, 0], found[:, 1]), np.abs(wrap_angle(found[:, 2]))
-    v, omega = (
-        (float(np.mean(np.abs(column))) for column in found[:, 3:].T)
-        if model.state_dim > 3
-        else (None, None)
-    )
-    return Errors(
-        steps,
-        len(found),
-        float(distance.mean()),
-        float(distance.max()),
-        float(angle.mean()),
-        float(angle.max()),
-        v,
-        omega,
-    )
+        found.append(deviations(model.predict(x0, inputs)[:, -1], x_end))
+    return summary(np.concatenate(found), steps)
 
 
 def _matched(dataset: DataSet, index: int, steps: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return pairs (k,) and those (k,) that begin ``steps - 1`` sampling times later."""
-    times = dataset.start_us[index]
-    starts = np.arange(len(times))
+    starts = np.arange(len(dataset.X[index]))
     ends = starts
-    if steps > 1 and len(times):
-        dt_us = dataset.dt_s * US_PER_S
-        ahead_us = round((steps - 1) * dt_us)
-        # One number line for all runs, so far apart that none reaches into the next.
-        apart_us = 2 * (int(np.ptp(times)) + ahead_us + 1)
-        _, runs = np.unique(dataset.segments[index], return_inverse=True)
-        keys = runs * apart_us + (times - times.min())
-        order = np.argsort(keys, kind="stable")
-        wanted = keys + ahead_us
-        after = np.searchsorted(keys, wanted, sorter=order)
-        later = order[np.minimum(after, len(order) - 1)]
-        earlier = order[np.maximum(after - 1, 0)]
-        nearer = np.abs(keys[earlier] - wanted) < np.abs(keys[later] - wanted)
-        ends = np.where(nearer, earlier, later)
-        starts = np.flatnonzero(np.abs(keys[ends] - wanted) <= LARGEST_TIME_ERROR * dt_us)
-    starts = starts[:: 1 + len(starts) // MOST_STARTS]
-    return starts, ends[starts]
+    if steps > 1:
+        ahead_us = round((steps - 1) * dataset.dt_s * US_PER_S)
+        starts, ends = begin_later(dataset, index, ahead_us)
+    every = 1 + len(starts) // MOST_STARTS
+    return starts[::every], ends[::every]

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +18,33 @@ from koopman_lab.config.schema import RobotKind
 from koopman_lab.errors import ModelError
 from koopman_lab.files import replacing
 from koopman_lab.geometry import ORIGIN, Pose
-from koopman_lab.koopman.dictionary import Components, Dictionary, dictionary
+from koopman_lab.koopman.combination import (
+    PAPER,
+    Combination,
+    exponential_action,
+    generators,
+)
+from koopman_lab.koopman.dictionary import (
+    DICTIONARIES,
+    Dictionary,
+    dictionary,
+    from_expressions,
+)
+from koopman_lab.koopman.expression import Components
 
 Array = NDArray[np.float64]
-FORMAT = 1
+FORMAT = 2
 """Version of the model file; raised when its meaning changes."""
+READABLE = (1, 2)
+"""Format 1 has no expressions and no combination, which was the paper's."""
 
 
 @dataclass(frozen=True)
 class BilinearModel:
-    """psi+ = M_u psi with M_u = M_0 + sum_i lambda_i (M_i - M_0) (paper, section 2.2).
+    """psi+ = M_u psi, with M_u from the matrices of the basis inputs (paper, section 2.2).
+
+    The paper combines the matrices, M_u = M_0 + sum_i lambda_i (M_i - M_0); the other
+    ``combination`` is that of their generators, see :mod:`koopman_lab.koopman.combination`.
 
     Parameters
     ----------
@@ -41,6 +58,13 @@ class BilinearModel:
         Sampling time in s.
     metadata
         Where the model comes from; JSON.
+    combination
+        How the matrices of the basis inputs make that of an input.
+
+    Raises
+    ------
+    ModelError
+        If a matrix has no generator that could be combined.
     """
 
     dictionary: Dictionary
@@ -48,6 +72,10 @@ class BilinearModel:
     basis_inputs: Array
     dt_s: float
     metadata: Mapping[str, Any]
+    combination: Combination = PAPER
+
+    def __post_init__(self) -> None:
+        _ = self._combined
 
     @property
     def robot_kind(self) -> RobotKind:
@@ -81,12 +109,19 @@ class BilinearModel:
         result: Array = (np.asarray(u, float) - self.basis_inputs[0]) @ self._to_lambdas.T
         return result
 
+    @cached_property
+    def _combined(self) -> Array:
+        """What is combined: the matrices, or dt times their generators (3, M, M)."""
+        return self.matrices if self.combination == PAPER else generators(self.matrices)
+
     def matrix(self, u: Array) -> Array:
         """Return M_u (..., M, M) of inputs u (..., 2)."""
-        m0, m1, m2 = self.matrices
+        from scipy.linalg import expm
+
+        m0, m1, m2 = self._combined
         lambdas = self.lambdas(u)[..., None, None]
         combined: Array = m0 + lambdas[..., 0, :, :] * (m1 - m0) + lambdas[..., 1, :, :] * (m2 - m0)
-        return combined
+        return combined if self.combination == PAPER else np.asarray(expm(combined))
 
     def step(self, x: Array, u: Array) -> Array:
         """Return the successors (..., n) of states x (..., n): lift, propagate, reproject.
@@ -126,9 +161,10 @@ class BilinearModel:
         """Return the model's numbers as one vector, for the functions of CasADi below.
 
         M_0, M_1 - M_0, M_2 - M_0, the matrix that takes u - u_0 to lambda, and u_0, each by
-        columns. Models of one dictionary differ in nothing else.
+        columns; in place of the M_i, dt times their generators where those are combined. Models
+        of one dictionary and combination differ in nothing else.
         """
-        m0, m1, m2 = self.matrices
+        m0, m1, m2 = self._combined
         parts = (m0, m1 - m0, m2 - m0, self._to_lambdas, self.basis_inputs[0])
         return np.concatenate([part.ravel(order="F") for part in parts])
 
@@ -144,7 +180,7 @@ class BilinearModel:
             turns = _turns(states[2], ca)
             states[2] = states[2] - turns
             psi = ca.vertcat(*self.dictionary.observables(states, ca))
-            psi_next = ca.vertsplit(self._casadi_matrix(u, parameters) @ psi)
+            psi_next = ca.vertsplit(self._casadi_propagate(psi, u, parameters))
             projected = self.dictionary.project_components(psi_next, states[2], ca)
             projected[2] = projected[2] + turns
             return ca.vertcat(*projected)
@@ -153,9 +189,9 @@ class BilinearModel:
 
     def casadi_lifted_step(self) -> Callable[[Any, Any, Any], Any]:
         """Return (psi: SX (M,), u: SX (2,), p) -> SX (M,), the step without reprojection."""
-        return lambda psi, u, parameters: self._casadi_matrix(u, parameters) @ psi
+        return self._casadi_propagate
 
-    def _casadi_matrix(self, u: Any, parameters: Any) -> Any:
+    def _casadi_propagate(self, psi: Any, u: Any, parameters: Any) -> Any:
         import casadi as ca
 
         size = self.dictionary.size
@@ -166,7 +202,8 @@ class BilinearModel:
             for part, shape in zip(ca.vertsplit(parameters, ends), shapes, strict=True)
         )
         lambdas = to_lambdas @ (u - u0)
-        return m0 + lambdas[0] * d1 + lambdas[1] * d2
+        combined = m0 + lambdas[0] * d1 + lambdas[1] * d2
+        return combined @ psi if self.combination == PAPER else exponential_action(combined, psi)
 
     def require_robot(self, kind: RobotKind) -> None:
         """Refuse the model for another robot.
@@ -190,6 +227,8 @@ class BilinearModel:
             "robot": self.robot_kind,
             "dictionary": self.dictionary.name,
             "observables": list(self.dictionary.names),
+            "expressions": self.dictionary.expressions,
+            "combination": self.combination,
             "dt_s": self.dt_s,
             "metadata": dict(self.metadata),
         }
@@ -209,14 +248,15 @@ class BilinearModel:
         Raises
         ------
         ModelError
-            If the file is missing, damaged, no model, or of another version.
+            If the file is missing, damaged, no model, of another version, or of a dictionary
+            that is not known here.
         """
         try:
             # Opened here: np.load leaves a file open that it cannot make sense of.
             with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
                 header = json.loads(bytes(file["header"]))
-                version, name, kind = header["format"], header["dictionary"], header["robot"]
-                names, dt_s, metadata = header["observables"], header["dt_s"], header["metadata"]
+                version, dt_s, metadata = header["format"], header["dt_s"], header["metadata"]
+                combination = header.get("combination", PAPER)
                 matrices, basis_inputs = file["matrices"], file["basis_inputs"]
         except FileNotFoundError:
             raise ModelError(f"{path}: no such model; `klab train SESSION` makes one") from None
@@ -224,19 +264,38 @@ class BilinearModel:
             raise ModelError(
                 f"{path}: damaged, or not a model; `klab train SESSION` makes one"
             ) from None
-        if version != FORMAT:
+        if version not in READABLE:
             raise ModelError(
                 f"{path}: model file of format {version}, this version reads "
-                f"{FORMAT}; train it again from its session"
+                f"{' and '.join(map(str, READABLE))}; train it again from its session"
             )
-        observables = dictionary(name, kind)
+        observables = _dictionary_of(path, header)
         size = observables.size
-        if list(observables.names) != names or matrices.shape != (3, size, size):
+        if list(observables.names) != header["observables"] or matrices.shape != (3, size, size):
             raise ModelError(
                 f"{path}: its observables are not those of {observables.name} here; train it "
                 "again from its session"
             )
-        return cls(observables, matrices, basis_inputs, dt_s, metadata)
+        if combination not in get_args(Combination):
+            raise ModelError(
+                f"{path}: combination {combination!r} of inputs is not known here; expected "
+                f"{' or '.join(get_args(Combination))}; train it again from its session"
+            )
+        return cls(observables, matrices, basis_inputs, dt_s, metadata, combination)
+
+
+def _dictionary_of(path: Path, header: Mapping[str, Any]) -> Dictionary:
+    """Return the dictionary that a file says: by its expressions, or one known by its name."""
+    try:
+        expressions = header.get("expressions")
+        if expressions is not None and header["dictionary"] not in DICTIONARIES:
+            return from_expressions(header["dictionary"], header["robot"], expressions)
+        return dictionary(header["dictionary"], header["robot"])
+    except ModelError as error:
+        raise ModelError(
+            f"{path}: {error}; a dictionary of your own that is a function must be registered "
+            "before the model is read (koopman_lab.koopman.dictionary.register)"
+        ) from None
 
 
 def _turns(theta: Any, m: Any) -> Any:

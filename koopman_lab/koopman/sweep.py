@@ -14,9 +14,11 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.errors import DataError
-from koopman_lab.koopman.heldout import Errors, errors, held_out_runs, split
+from koopman_lab.koopman.heldout import errors, held_out_runs, split
+from koopman_lab.koopman.metrics import Errors
 from koopman_lab.koopman.model import BilinearModel
-from koopman_lab.koopman.train import train
+from koopman_lab.koopman.samples import Estimator
+from koopman_lab.koopman.train import Method, train
 
 STEPS = 20
 """The paper's horizon of the multi-step errors."""
@@ -39,7 +41,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class SweepRow:
-    """The fit with one window.
+    """The fit with one window and estimator.
 
     ``entries`` by name; ``constant_residual`` is how far least squares was from the row of the
     constant, ``condition`` that of the worst basis input, ``one_step`` and ``multi_step`` the
@@ -48,6 +50,7 @@ class SweepRow:
 
     window: int
     pairs: int
+    estimator: Estimator = "plain"
     refused: str | None = None
     entries: dict[str, float] | None = None
     constant_residual: float | None = None
@@ -69,8 +72,13 @@ def known_entries(config: LabConfig, observables: Sequence[str]) -> list[Entry]:
     return [e for e in entries if e.row in observables and e.column in observables and e.nominal]
 
 
-def sweep(log: SessionLog, windows: Sequence[int], dictionary: str) -> Iterator[SweepRow]:
-    """Fit a session with one window after the other.
+def sweep(
+    log: SessionLog,
+    windows: Sequence[int],
+    dictionary: str,
+    estimators: Sequence[Estimator] = ("plain",),
+) -> Iterator[SweepRow]:
+    """Fit a session with one window after the other, with each estimator.
 
     All models are measured on the same held-out runs, smoothed with the session's own window, so
     that the errors differ by the model alone.
@@ -83,6 +91,8 @@ def sweep(log: SessionLog, windows: Sequence[int], dictionary: str) -> Iterator[
         In frames.
     dictionary
         By name.
+    estimators
+        Of :mod:`koopman_lab.koopman.samples`.
 
     Raises
     ------
@@ -101,21 +111,24 @@ def sweep(log: SessionLog, windows: Sequence[int], dictionary: str) -> Iterator[
     for window in windows:
         dataset = DataSet.from_log(log, config, window=window)
         pairs = sum(map(len, dataset.X.values()))
-        try:
-            model, report = train(split(dataset, runs)[0], dictionary)
-        except DataError as error:
-            yield SweepRow(window, pairs, refused=str(error))
-            continue
-        yield SweepRow(
-            window,
-            pairs,
-            None,
-            _values(model, known_entries(config, model.dictionary.names)),
-            max(b.constant_residual for b in report.bases),
-            max(b.excitation.condition for b in report.bases if b.excitation),
-            errors(model, held, 1),
-            errors(model, held, STEPS),
-        )
+        rest = split(dataset, runs)[0]
+        for estimator in estimators:
+            try:
+                model, report = train(rest, dictionary, Method(estimator))
+            except DataError as error:
+                yield SweepRow(window, pairs, estimator, refused=str(error))
+                continue
+            yield SweepRow(
+                window,
+                pairs,
+                estimator,
+                None,
+                _values(model, known_entries(config, model.dictionary.names)),
+                max(b.constant_residual for b in report.bases),
+                max(b.excitation.condition for b in report.bases if b.excitation),
+                errors(model, held, 1),
+                errors(model, held, STEPS),
+            )
 
 
 def _values(model: BilinearModel, entries: Sequence[Entry]) -> dict[str, float]:
@@ -127,16 +140,17 @@ def _values(model: BilinearModel, entries: Sequence[Entry]) -> dict[str, float]:
 
 
 def as_table(rows: Sequence[SweepRow]) -> tuple[list[str], list[list[Any]]]:
-    """Return column names and one line a window, None where there is no number."""
+    """Return column names and one line a fit, None where there is no number."""
     entries = next((list(row.entries) for row in rows if row.entries), [])
     measures = [name for name in Errors.__dataclass_fields__ if name not in ("steps", "starts")]
-    columns = ["window", "pairs", *entries, "constant_residual", "condition"]
+    columns = ["window", "pairs", "estimator", *entries, "constant_residual", "condition"]
     columns += [f"{name}_1_step" for name in measures]
     columns += [f"{name}_{STEPS}_steps" for name in measures]
     lines = [
         [
             row.window,
             row.pairs,
+            row.estimator,
             *((row.entries or {}).get(name) for name in entries),
             row.constant_residual,
             row.condition,

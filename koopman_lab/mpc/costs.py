@@ -11,11 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import Controller
 from koopman_lab.errors import ConfigError
+from koopman_lab.koopman.dictionary import Dictionary
 
 
 class StageCost(Protocol):
@@ -77,13 +79,91 @@ class MixedExponents:
         return cost
 
 
-def stage_cost(settings: Controller) -> StageCost:
+@dataclass(frozen=True)
+class Quadratic:
+    """The control-engineering cost ``ce``: quadratic in state and input (paper, eq. cost_quadr).
+
+    Parameters
+    ----------
+    q
+        Weights of the states, 3 (kinematic robot) or 5 (second-order robot).
+    r
+        Weights of the inputs.
+    """
+
+    q: Sequence[float]
+    r: Sequence[float]
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Return q, then r."""
+        return np.array([*self.q, *self.r], float)
+
+    def __call__(self, x: Any, u: Any, parameters: Any = None) -> Any:
+        """Return the cost; see :class:`StageCost`."""
+        weights = self.parameters if parameters is None else parameters
+        states = len(self.q)
+        cost = 0.0
+        for index in range(states):
+            cost = cost + weights[index] * _square(x[index])
+        for index in range(len(self.r)):
+            cost = cost + weights[states + index] * _square(u[index])
+        return cost
+
+
+@dataclass(frozen=True)
+class QuadraticInObservables:
+    """The data-scientific cost ``ds``: quadratic in psi - psi_d (paper, eq. costPsi_quadr).
+
+    Parameters
+    ----------
+    dictionary
+        The observables; psi_d is theirs at the goal, which is the origin.
+    q
+        A weight for each observable.
+    r
+        Weights of the inputs.
+    """
+
+    dictionary: Dictionary
+    q: Sequence[float]
+    r: Sequence[float]
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Return q, then r."""
+        return np.array([*self.q, *self.r], float)
+
+    def __call__(self, x: Any, u: Any, parameters: Any = None) -> Any:
+        """Return the cost of the state's observables; see :class:`StageCost`."""
+        m = np if isinstance(x, (np.ndarray, Sequence)) else ca
+        states = [x[index] for index in range(self.dictionary.state_dim)]
+        return self.of_observables(self.dictionary.observables(states, m), u, parameters)
+
+    def of_observables(self, psi: Any, u: Any, parameters: Any = None) -> Any:
+        """Return the cost of observables (M,) and an input.
+
+        Where they are propagated without reprojection, they are not those of any state.
+        """
+        goal = self.dictionary.lift(np.zeros(self.dictionary.state_dim)).tolist()
+        off = [psi[index] - wanted for index, wanted in enumerate(goal)]
+        return Quadratic(self.q, self.r)(off, u, parameters)
+
+
+def stage_cost(settings: Controller, observables: Dictionary | None = None) -> StageCost:
     """Return the stage cost a configuration asks for.
+
+    Parameters
+    ----------
+    settings
+        Name and weights.
+    observables
+        The dictionary, for a cost of observables.
 
     Raises
     ------
     ConfigError
-        If there are no weights for it.
+        If there are no weights for it, or not as many as the dictionary has observables.
     """
     weights = settings.weights.get(settings.cost)
     if weights is None:
@@ -91,7 +171,20 @@ def stage_cost(settings: Controller) -> StageCost:
             f"controller.weights lacks the cost {settings.cost!r}; "
             f"add controller.weights.{settings.cost} with q and r"
         )
-    return MixedExponents(weights.q, weights.r)
+    if settings.cost == "me":
+        return MixedExponents(weights.q, weights.r)
+    if settings.cost == "ce":
+        return Quadratic(weights.q, weights.r)
+    if observables is None:
+        raise ConfigError("controller.cost is ds, which needs a dictionary; choose me or ce")
+    q = weights.q if len(weights.q) > 1 else weights.q * observables.size
+    if len(q) != observables.size:
+        raise ConfigError(
+            f"controller.weights.ds.q has {len(q)} weights, the dictionary {observables.name} has "
+            f"{observables.size} observables; give one weight for all of them, or one for each of "
+            + ", ".join(observables.names)
+        )
+    return QuadraticInObservables(observables, q, weights.r)
 
 
 def _square(value: Any) -> Any:

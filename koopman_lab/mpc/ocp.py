@@ -4,8 +4,9 @@ The sum runs over H + 1 stages. The input of stage H acts on no state and enters
 stage cost, so its optimum is zero: it is left out, and the last stage costs l(x(H), 0). There are
 no terminal ingredients. The goal is the origin; the controller transforms coordinates.
 
-Direct multiple shooting, in the order that a stage-wise solver detects: x0, u0, x1, u1, ..., xH as
-variables, and per stage the gap x(k+1) - F(x(k), u(k)) first, then what else binds that stage.
+Direct multiple shooting, in the order that a stage-wise solver detects: s0, u0, s1, u1, ..., sH as
+variables, and per stage the gap s(k+1) - F(s(k), u(k)) first, then what else binds that stage. s is
+what the model propagates: the state, or without reprojection the observables.
 """
 
 from __future__ import annotations
@@ -21,6 +22,46 @@ from numpy.typing import NDArray
 from koopman_lab.mpc.costs import StageCost
 from koopman_lab.mpc.prediction import PredictionModel
 
+Array = NDArray[np.float64]
+
+BRAKING = 0.5
+"""Share of the largest deceleration with which a robot that is too fast must slow down at least."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Bounds of magnitudes.
+
+    Attributes
+    ----------
+    u_max
+        Of the inputs, (2,).
+    speed_max
+        Of v and omega of the second-order robot; None for no bounds.
+    speeds_at
+        Where s holds v and omega.
+    dt_s
+        Sampling time in s.
+    """
+
+    u_max: Array
+    speed_max: Sequence[float] | None = None
+    speeds_at: Sequence[int] = ()
+    dt_s: float = 0.0
+
+    def of_speeds(self, s0: Array, horizon: int) -> list[tuple[int, Array]]:
+        """Return for v and omega its place in s and its bounds (H,) from stage 1 on.
+
+        A robot that is faster already is given time to brake, or there would be no solution.
+        """
+        if self.speed_max is None:
+            return []
+        after_s = self.dt_s * np.arange(1, horizon + 1)
+        return [
+            (place, np.maximum(largest, abs(s0[place]) - BRAKING * u * after_s))
+            for place, largest, u in zip(self.speeds_at, self.speed_max, self.u_max, strict=True)
+        ]
+
 
 @dataclass(frozen=True)
 class OptimalControlProblem:
@@ -30,50 +71,58 @@ class OptimalControlProblem:
     ----------
     program
         For ``casadi.nlpsol``: x, p, f, g, or the path of a library that holds them. The parameters
-        p are the initial state, the factor that the objective is multiplied by, and
+        p are the s to begin with, the factor that the objective is multiplied by, and
         ``parameters``; all constraints g are equalities to zero.
-    u_max
-        Largest magnitude of either input, (2,).
-    horizon, state_dim
-        H and n.
+    bounds
+        Of inputs and speeds.
+    horizon, size
+        H and the number S of what the model propagates.
     parameters
         Numbers that the program does not hold itself, (P,).
+    disturbance_at
+        Where among them those begin that may change between two problems.
     """
 
     program: dict[str, Any] | str
-    u_max: NDArray[np.float64]
+    bounds: Bounds
     horizon: int
-    state_dim: int
-    parameters: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    size: int
+    parameters: Array = field(default_factory=lambda: np.empty(0))
+    disturbance_at: int = 0
 
-    @property
-    def upper(self) -> NDArray[np.float64]:
-        """Return the upper bounds of the variables; the lower ones are their negatives."""
-        no_bound = np.full(self.state_dim, np.inf)
-        stages = np.tile(np.concatenate([no_bound, self.u_max]), self.horizon)
-        return np.concatenate([stages, no_bound])
+    def upper(self, s0: Array) -> Array:
+        """Return the upper bounds of the variables; the lower ones are their negatives.
+
+        Parameters
+        ----------
+        s0
+            Where the problem begins, (S,).
+        """
+        states = np.full((self.horizon + 1, self.size), np.inf)
+        # What is measured is not up to the optimiser, so the first stage has no bounds.
+        for place, bound in self.bounds.of_speeds(s0, self.horizon):
+            states[1:, place] = bound
+        return self.pack(states, np.tile(self.bounds.u_max, (self.horizon, 1)))
 
     @property
     def constraints(self) -> int:
         """Return the number of rows of g."""
-        return self.state_dim * (self.horizon + 1)
+        return self.size * (self.horizon + 1)
 
-    def pack(self, states: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the variables for states (H + 1, n) and inputs (H, 2)."""
-        stages = np.hstack([states[:-1], inputs])
-        return np.concatenate([stages.ravel(), states[-1]])
+    def pack(self, propagated: Array, inputs: Array) -> Array:
+        """Return the variables for s (H + 1, S) and inputs (H, 2)."""
+        stages = np.hstack([propagated[:-1], inputs])
+        return np.concatenate([stages.ravel(), propagated[-1]])
 
-    def unpack(
-        self, variables: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the states (H + 1, n) and inputs (H, 2) in the variables."""
-        n = self.state_dim
+    def unpack(self, variables: Array) -> tuple[Array, Array]:
+        """Return s (H + 1, S) and inputs (H, 2) in the variables."""
+        n = self.size
         stages = variables[:-n].reshape(self.horizon, n + 2)
         return np.vstack([stages[:, :n], variables[-n:]]), stages[:, n:].copy()
 
 
 def transcribe(
-    model: PredictionModel, cost: StageCost, horizon: int, u_max: Sequence[float]
+    model: PredictionModel, cost: StageCost, horizon: int, bounds: Bounds
 ) -> OptimalControlProblem:
     """Return the optimal control problem of a model, written out stage by stage.
 
@@ -85,29 +134,32 @@ def transcribe(
         Of a stage.
     horizon
         H, at least 1.
-    u_max
-        Largest magnitude of either input.
+    bounds
+        Of inputs and speeds.
     """
-    n = model.state_dim
-    initial, factor = ca.SX.sym("initial", n), ca.SX.sym("factor")
-    numbers = ca.DM(model.parameters)
+    size = model.size
+    initial, factor = ca.SX.sym("initial", size), ca.SX.sym("factor")
+    dim, weights = model.disturbance_dim, ca.DM(cost.parameters)
+    fixed, disturbance = np.split(model.parameters, [model.parameters.size - dim])
+    d = ca.SX.sym("d", dim)
+    numbers = ca.vertcat(ca.DM(fixed), d)
     variables, gaps = [], []
     total: Any = 0.0
-    x = ca.SX.sym("x_0", n)
+    s = ca.SX.sym("s_0", size)
     for k in range(horizon):
-        u, following = ca.SX.sym(f"u_{k}", 2), ca.SX.sym(f"x_{k + 1}", n)
-        variables += [x, u]
-        gaps.append(following - model.step(x, u, numbers))
+        u, following = ca.SX.sym(f"u_{k}", 2), ca.SX.sym(f"s_{k + 1}", size)
+        variables += [s, u]
+        gaps.append(following - model.step(s, u, numbers))
         if k == 0:
-            gaps.append(x - initial)
-        total = total + cost(x, u)
-        x = following
-    variables.append(x)
-    total = total + cost(x, ca.SX.zeros(2))
+            gaps.append(s - initial)
+        total = total + model.cost(cost, s, u, weights)
+        s = following
+    variables.append(s)
+    total = total + model.cost(cost, s, ca.SX.zeros(2), weights)
     program = {
         "x": ca.vertcat(*variables),
-        "p": ca.vertcat(initial, factor),
+        "p": ca.vertcat(initial, factor, d),
         "f": factor * total,
         "g": ca.vertcat(*gaps),
     }
-    return OptimalControlProblem(program, np.asarray(u_max, float), horizon, n)
+    return OptimalControlProblem(program, bounds, horizon, size, disturbance)

@@ -1,4 +1,9 @@
-"""What the optimiser needs to know of a model, and trajectories of it."""
+"""What the optimiser needs to know of a model.
+
+A model propagates a vector s by steps. That is the robot's state, or, without reprojection, the
+vector psi of observables: lifted once at the start and never projected back, except where somebody
+wants to know the state.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +16,9 @@ from numpy.typing import NDArray
 
 from koopman_lab.config.schema import RobotKind
 from koopman_lab.geometry import ORIGIN, Pose
+from koopman_lab.koopman.dictionary import Dictionary
 from koopman_lab.koopman.model import BilinearModel
-from koopman_lab.mpc.costs import StageCost
+from koopman_lab.mpc.costs import QuadraticInObservables, StageCost
 from koopman_lab.robot.models import nominal_model
 
 
@@ -27,8 +33,20 @@ class PredictionModel(Protocol):
         """Which robot it describes."""
 
     @property
+    def dictionary(self) -> Dictionary | None:
+        """Its observables; None if it knows of none."""
+
+    @property
     def state_dim(self) -> int:
-        """Number of states n: 3 (kinematic robot) or 5 (second-order robot)."""
+        """Number of the robot's states n: 3 (kinematic robot) or 5 (second-order robot)."""
+
+    @property
+    def size(self) -> int:
+        """Number S of what it propagates: n, or the number M of observables."""
+
+    @property
+    def speeds_at(self) -> tuple[int, ...]:
+        """Where s holds v and omega; empty for the kinematic robot."""
 
     @property
     def dt_s(self) -> float:
@@ -45,14 +63,56 @@ class PredictionModel(Protocol):
         They stand apart so that what is compiled for one model serves all of its shape.
         """
 
-    def step(self, x: Any, u: Any, parameters: Any) -> Any:
-        """Return the state one sampling time later: CasADi SX (n,) and (2,) to (n,).
+    @property
+    def disturbance_dim(self) -> int:
+        """How many of the parameters, the last ones, may change between two problems."""
+
+    def lift(self, x: Any) -> Any:
+        """Return the s to begin with in a state: CasADi SX (n,) to (S,)."""
+
+    def step(self, s: Any, u: Any, parameters: Any) -> Any:
+        """Return s one sampling time later: CasADi SX (S,) and (2,) to (S,).
 
         The parameters are numbers (DM) or symbols (SX).
         """
 
+    def state(self, s: Any) -> Any:
+        """Return the state that s stands for: CasADi SX (S,) to (n,)."""
 
-class NominalPrediction:
+    def cost(self, cost: StageCost, s: Any, u: Any, weights: Any) -> Any:
+        """Return what a stage costs in s: CasADi SX (S,), (2,) and weights to a scalar."""
+
+
+class _OfTheState:
+    """What all models share that propagate the state itself."""
+
+    state_dim: int
+    disturbance_dim = 0
+
+    @property
+    def size(self) -> int:
+        """Return the number of states."""
+        return self.state_dim
+
+    @property
+    def speeds_at(self) -> tuple[int, ...]:
+        """Return the places of v and omega."""
+        return tuple(range(3, self.state_dim))
+
+    def lift(self, x: Any) -> Any:
+        """Return the state itself."""
+        return x
+
+    def state(self, s: Any) -> Any:
+        """Return the state itself."""
+        return s
+
+    def cost(self, cost: StageCost, s: Any, u: Any, weights: Any) -> Any:
+        """Return what a stage costs; see :class:`PredictionModel`."""
+        return cost(s, u, weights)
+
+
+class NominalPrediction(_OfTheState):
     """The nominal equations as a prediction model (paper, sections 3.1 and 3.2).
 
     Parameters
@@ -63,6 +123,8 @@ class NominalPrediction:
         Sampling time in s.
     """
 
+    dictionary: Dictionary | None = None
+
     def __init__(self, kind: RobotKind, dt_s: float) -> None:
         self.robot_kind: RobotKind = kind
         self.dt_s = dt_s
@@ -71,13 +133,13 @@ class NominalPrediction:
         self.state_dim = self._model.state_dim
         self.parameters = np.array([dt_s])
 
-    def step(self, x: Any, u: Any, parameters: Any) -> Any:
+    def step(self, s: Any, u: Any, parameters: Any) -> Any:
         """Return the state one sampling time later; see :class:`PredictionModel`."""
-        states = [x[i] for i in range(self.state_dim)]
+        states = [s[i] for i in range(self.state_dim)]
         return ca.vertcat(*self._model.components(states, [u[0], u[1]], parameters[0], ca))
 
 
-class KoopmanPrediction:
+class KoopmanPrediction(_OfTheState):
     """A bilinear Koopman surrogate, reprojected in each step (paper, sections 2.2 and 5.4).
 
     Parameters
@@ -88,15 +150,62 @@ class KoopmanPrediction:
 
     def __init__(self, model: BilinearModel) -> None:
         self.robot_kind = model.robot_kind
+        self.dictionary: Dictionary | None = model.dictionary
         self.state_dim = model.state_dim
         self.dt_s = model.dt_s
         self.marker_offset = model.marker_offset
         self.parameters = model.parameters
+        self.model = model
         self._step = model.casadi_step()
 
-    def step(self, x: Any, u: Any, parameters: Any) -> Any:
+    def step(self, s: Any, u: Any, parameters: Any) -> Any:
         """Return the state one sampling time later; see :class:`PredictionModel`."""
-        return self._step(x, u, parameters)
+        return self._step(s, u, parameters)
+
+
+class LiftedPrediction:
+    """A bilinear Koopman surrogate without reprojection (paper, section 4).
+
+    The observables are propagated as they are. Where psi does not hold the angle, it is read off by
+    the four-quadrant arctangent and lies in (-pi, pi].
+
+    Parameters
+    ----------
+    model
+        Learned from data.
+    """
+
+    disturbance_dim = 0
+
+    def __init__(self, model: BilinearModel) -> None:
+        self.robot_kind = model.robot_kind
+        self.dictionary: Dictionary | None = model.dictionary
+        self.state_dim = model.state_dim
+        self.size = model.dictionary.size
+        self.speeds_at = tuple(row for row in model.dictionary.state_rows[3:] if row is not None)
+        self.dt_s = model.dt_s
+        self.marker_offset = model.marker_offset
+        self.parameters = model.parameters
+        self._observables = model.dictionary
+        self._step = model.casadi_lifted_step()
+
+    def lift(self, x: Any) -> Any:
+        """Return the observables; see :class:`PredictionModel`."""
+        return ca.vertcat(*self._observables.observables(ca.vertsplit(x), ca))
+
+    def step(self, s: Any, u: Any, parameters: Any) -> Any:
+        """Return the observables one sampling time later; see :class:`PredictionModel`."""
+        return self._step(s, u, parameters)
+
+    def state(self, s: Any) -> Any:
+        """Return the state read off the observables; see :class:`PredictionModel`."""
+        return ca.vertcat(*self._observables.project_components(ca.vertsplit(s), None, ca))
+
+    def cost(self, cost: StageCost, s: Any, u: Any, weights: Any) -> Any:
+        """Return what a stage costs; see :class:`PredictionModel`."""
+        if isinstance(cost, QuadraticInObservables) and cost.dictionary == self._observables:
+            return cost.of_observables(s, u, weights)
+        return cost(self.state(s), u, weights)
 
 
 def load_prediction(path: Path) -> KoopmanPrediction:
@@ -108,49 +217,3 @@ def load_prediction(path: Path) -> KoopmanPrediction:
         If the file is missing or damaged.
     """
     return KoopmanPrediction(BilinearModel.load(path))
-
-
-class Rollout:
-    """Simulates a model under a sequence of inputs and adds up the stage costs.
-
-    The cost is that of the optimal control problem: H stages with inputs and one without.
-
-    Parameters
-    ----------
-    model
-        Of the robot.
-    cost
-        Of a stage.
-    horizon
-        Number of inputs H.
-    """
-
-    def __init__(self, model: PredictionModel, cost: StageCost, horizon: int) -> None:
-        x, u = ca.SX.sym("x", model.state_dim), ca.SX.sym("u", 2)
-        step = ca.Function("step", [x, u], [model.step(x, u, ca.DM(model.parameters))])
-        self._step = step
-        self._trajectory = step.mapaccum("trajectory", horizon)
-        self._cost = cost
-        self.horizon = horizon
-        self.state_dim = model.state_dim
-
-    def __call__(
-        self, x0: NDArray[np.float64], inputs: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], float]:
-        """Return the states (H + 1, n) that begin with ``x0`` (n,), and the sum of the costs.
-
-        Parameters
-        ----------
-        x0
-            State (n,).
-        inputs
-            Inputs (H, 2).
-        """
-        later = np.asarray(self._trajectory(x0, inputs.T)).T
-        states = np.vstack([x0, later])
-        value = np.sum(self._cost(states[:-1].T, inputs.T)) + self._cost(states[-1], np.zeros(2))
-        return states, float(value)
-
-    def advance(self, x: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the state (n,) one sampling time after ``x`` (n,) under ``u`` (2,)."""
-        return np.asarray(self._step(x, u)).ravel()

@@ -13,11 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.schema import BackEnd, LabConfig
 from koopman_lab.errors import ConfigError, ModelError
+from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.mpc.costs import stage_cost
-from koopman_lab.mpc.prediction import PredictionModel, Rollout
-from koopman_lab.mpc.solver import BackEnd, Plan, Solver, make_solver
+from koopman_lab.mpc.disturbance import DisturbanceEstimator, DisturbedPrediction
+from koopman_lab.mpc.prediction import KoopmanPrediction, LiftedPrediction, PredictionModel
+from koopman_lab.mpc.rollout import Rollout
+from koopman_lab.mpc.solver import Plan, Solver, make_solver
 
 CLEARLY_BETTER = 1e-6
 """Relative gain by which a later start must win, so that rounding does not choose among equals."""
@@ -64,10 +67,17 @@ class RecedingHorizon:
         Largest magnitude of either input.
     dt_s
         Sampling time in s.
+    disturbance
+        Corrects the model as it goes; None to plan with the model as it is.
     """
 
     def __init__(
-        self, solver: Solver, rollout: Rollout, u_max: Sequence[float], dt_s: float
+        self,
+        solver: Solver,
+        rollout: Rollout,
+        u_max: Sequence[float],
+        dt_s: float,
+        disturbance: DisturbanceEstimator | None = None,
     ) -> None:
         self.back_end = solver
         """What solves; may be replaced between two steps."""
@@ -75,6 +85,8 @@ class RecedingHorizon:
         self._u_max = np.asarray(u_max, dtype=float)
         self._dt_s = dt_s
         self._accelerates = rollout.state_dim == 5
+        self._disturbance = disturbance
+        self._expected: NDArray[np.float64] | None = None
         self._plan: Plan | None = None
         self._failures = 0
 
@@ -88,6 +100,7 @@ class RecedingHorizon:
 
         States of successive calls are one sampling time apart.
         """
+        self._correct_model(x)
         fallback, guesses = self._before(x)
         found = [self.back_end.solve(x, guess) for guess in guesses]
         usable = [plan for plan in found if plan.ok and np.isfinite(plan.value)]
@@ -101,13 +114,23 @@ class RecedingHorizon:
                 chosen = plan
         if usable or self._plan is not None:
             self._plan = chosen
+        self._expected = self.advance(x, chosen.inputs[0])
         iterations = sum(plan.iterations for plan in found)
         return Decision(chosen.inputs[0], chosen, bool(usable), iterations, self._failures)
 
     def restart(self) -> None:
         """Forget the plan: the robot has stood, or was moved, since it was made."""
-        self._plan = None
+        self._plan = self._expected = None
         self._failures = 0
+
+    def _correct_model(self, x: NDArray[np.float64]) -> None:
+        if self._disturbance is None:
+            return
+        if self._expected is None:
+            self._disturbance.reset()
+            self.back_end.disturb(self._disturbance.value)
+        else:
+            self.back_end.disturb(self._disturbance.update(self._expected, x))
 
     def _before(self, x: NDArray[np.float64]) -> tuple[Plan, list[NDArray[np.float64]]]:
         """Return the plan to go on with if nothing better is found, and the initial guesses."""
@@ -148,25 +171,67 @@ class RecedingHorizon:
         """Return the state (n,) that the model predicts one sampling time after ``x``."""
         return self._rollout.advance(x, u)
 
+    def stage_cost(self, x: NDArray[np.float64], u: NDArray[np.float64]) -> float:
+        """Return what a stage costs in the state ``x`` (n,) under the input ``u`` (2,)."""
+        return self._rollout.stage_cost(x, u)
+
 
 def receding_horizon(
-    model: PredictionModel, config: LabConfig, back_end: BackEnd = "fatrop"
+    model: PredictionModel,
+    config: LabConfig,
+    back_end: BackEnd | None = None,
+    solver: Solver | None = None,
 ) -> RecedingHorizon:
     """Return the optimiser that a configuration asks for.
+
+    Parameters
+    ----------
+    model, config, back_end
+        See :func:`solver_of`.
+    solver
+        Made before for the same; it may serve one optimiser after the other.
+
+    Raises
+    ------
+    LabError
+        See :func:`solver_of`.
+    """
+    settings, made = config.controller, solver or solver_of(model, config, back_end)
+    disturbance = None
+    if settings.offset_free.enabled:
+        disturbance = DisturbanceEstimator(settings.offset_free, settings.dt_s)
+    return RecedingHorizon(made, made.rollout, settings.u_max, settings.dt_s, disturbance)
+
+
+def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd | None = None) -> Solver:
+    """Return the solver that a configuration asks for.
+
+    Parameters
+    ----------
+    model
+        Predicts the robot; a Koopman surrogate is reprojected or not as configured.
+    config
+        The lab.
+    back_end
+        Of the solver; None for the configured one.
 
     Raises
     ------
     ModelError
         If the model is of another robot or another sampling time than the configuration.
     ConfigError
-        If the configuration asks for what this optimiser does not do.
+        If the weights do not fit the cost.
     """
     settings = config.controller
-    if not settings.reprojection:
-        raise ConfigError(
-            "controller.reprojection is false, but predictions are reprojected in each step; "
-            "set it to true"
-        )
+    if not settings.reprojection and isinstance(model, KoopmanPrediction):
+        model = LiftedPrediction(model.model)
+    if settings.offset_free.enabled:
+        if isinstance(model, LiftedPrediction):
+            raise ConfigError(
+                "controller.offset_free.enabled needs controller.reprojection: what is corrected "
+                "in each step is the state; switch one of them"
+            )
+        model = DisturbedPrediction(model)
     if model.robot_kind != config.robot.kind:
         raise ModelError(
             f"the prediction model is of the {model.robot_kind} robot, but robot.kind is "
@@ -177,15 +242,13 @@ def receding_horizon(
             f"the prediction model has a sampling time of {model.dt_s} s, but controller.dt_s is "
             f"{settings.dt_s}; train with --dt {settings.dt_s} or set controller.dt_s"
         )
-    cost = stage_cost(settings)
-    solver = make_solver(
+    own = dictionary(config.model.dictionary, config.robot.kind)
+    return make_solver(
         model,
-        cost,
+        stage_cost(settings, model.dictionary or own),
         settings.horizon,
         settings.u_max,
-        back_end,
+        back_end or settings.solver,
+        speed_max=settings.speed_max,
         use_compiler=settings.use_compiler,
-    )
-    return RecedingHorizon(
-        solver, Rollout(model, cost, settings.horizon), settings.u_max, settings.dt_s
     )

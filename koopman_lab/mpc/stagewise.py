@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from koopman_lab.mpc import rollout
 from koopman_lab.mpc.costs import StageCost
 from koopman_lab.mpc.prediction import PredictionModel
 
@@ -28,7 +29,8 @@ def source(model: PredictionModel, cost: StageCost, horizon: int) -> str:
     """Return C code for ``casadi.nlpsol`` of the program that :func:`ocp.transcribe` writes out.
 
     Variables, constraints and their order are those of :func:`ocp.transcribe`. The parameters are
-    the initial state, the factor of the objective, and :func:`parameters_of` model and cost.
+    the s to begin with, the factor of the objective, and :func:`parameters_of` model and cost. The
+    code of :func:`rollout.function` is there as well.
 
     Parameters
     ----------
@@ -41,6 +43,7 @@ def source(model: PredictionModel, cost: StageCost, horizon: int) -> str:
     generator = ca.CodeGenerator("program.c", {"with_header": False})
     for function in program.functions():
         generator.add(function)
+    generator.add(rollout.function(model, cost, horizon))
     return str(generator.dump())
 
 
@@ -48,7 +51,7 @@ class _Stage:
     """Functions of one stage and their derivatives; matrices come as their nonzeros."""
 
     def __init__(self, model: PredictionModel, cost: StageCost) -> None:
-        n = self.state_dim = model.state_dim
+        n = self.size = model.size
         x, u = ca.SX.sym("x", n), ca.SX.sym("u", 2)
         z, rest = ca.vertcat(x, u), ca.SX.zeros(2)
         of_model = ca.SX.sym("model", model.parameters.size)
@@ -57,7 +60,7 @@ class _Stage:
         self.parameters = p.numel()
         factor, multipliers = ca.SX.sym("factor"), ca.SX.sym("multipliers", n)
         following = model.step(x, u, of_model)
-        here, at_end = cost(x, u, weights), cost(x, rest, weights)
+        here, at_end = model.cost(cost, x, u, weights), model.cost(cost, x, rest, weights)
         jacobian = ca.jacobian(following, z)
         hessian, _ = ca.hessian(factor * here - ca.dot(multipliers, following), z)
         end_hessian, _ = ca.hessian(at_end, x)
@@ -78,7 +81,7 @@ class _Program:
     """The functions that ``casadi.nlpsol`` looks for in a library, by its names and arguments."""
 
     def __init__(self, stage: _Stage, horizon: int) -> None:
-        n = stage.state_dim
+        n = stage.size
         self._stage, self._horizon, self._n = stage, horizon, n
         self._size, self._rows = (n + 2) * horizon + n, n * (horizon + 1)
         self._x = ca.MX.sym("x", self._size)

@@ -13,6 +13,8 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import REST, Velocity
 from offboard.console import options
 from offboard.console.bench_dataset import dataset
+from offboard.console.bench_edmd import edmd
+from offboard.console.bench_parks import parks
 from offboard.console.terminal import err, out, progress
 
 if TYPE_CHECKING:
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Measure this machine and the lab.", no_args_is_help=True)
 app.command()(dataset)
+app.command()(parks)
+app.command()(edmd)
 
 CHUNK_S = 1.0
 WARM_UP_S = 2.0
@@ -269,6 +273,58 @@ def faults(
         out.print_json(json.dumps([asdict(row) for row in rows]))
     else:
         out.print(as_table(rows, lab.robot.kind))
+
+
+@app.command()
+def ocp(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    models: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--model",
+            metavar="FILE",
+            help="Of either robot; default: both, from short sessions recorded in lockstep first.",
+        ),
+    ] = None,
+    states: Annotated[
+        int, typer.Option("--states", min=1, help="Length of the recorded sequence.")
+    ] = 200,
+    quick: Annotated[bool, typer.Option("--quick", help="30 states, to see that it runs.")] = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Time our solver beside CasADi with IPOPT and do-mpc on the same states and guesses.
+
+    Example: klab bench ocp --states 200
+    """
+    from dataclasses import asdict
+
+    from offboard.console import bench_ocp
+    from offboard.console.bench_realtime import stolen_s
+
+    stolen_before_s = stolen_s()
+    rows: list[bench_ocp.Row] = []
+    with bench_ocp.trained(models) as trained, progress("ocp") as report:
+        for model in trained:
+            lab = options.resolve(
+                config, [f"controller.dt_s={model.dt_s}", *(overrides or ())], model.robot_kind
+            )
+            count = min(states, bench_ocp.QUICK) if quick else states
+            for row in bench_ocp.compare(lab, model, count):
+                rows.append(row)
+                what = f"{row.problem}, {row.model}, {row.solver}"
+                report(len(rows), bench_ocp.rows_of(trained), what)
+    if not bench_ocp.has_do_mpc():
+        err.print("do-mpc is not installed and has no rows; pip install 'koopman-lab[bench]'")
+    stolen = None if stolen_before_s is None else (stolen_s() or 0.0) - stolen_before_s
+    if stolen is not None:
+        err.print(f"CPU time that a host took from this machine meanwhile: {stolen:.2f} s")
+    if as_json:
+        out.print_json(json.dumps([asdict(row) for row in rows]))
+        return
+    out.print(bench_ocp.as_table(rows))
+    for line in bench_ocp.remarks(rows):
+        out.print(line)
 
 
 def _lab(config: LabConfig) -> tuple[Lockstep, Weaver]:

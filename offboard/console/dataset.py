@@ -13,6 +13,7 @@ import typer
 
 from koopman_lab.errors import DataError
 from offboard.console import options
+from offboard.console.dataset_needed import needed
 from offboard.console.dataset_sweep import sweep
 from offboard.console.marker import marker_line
 from offboard.console.terminal import err, out, show_damage
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Make, look into, exchange data sets.", no_args_is_help=True)
 app.command()(sweep)
+app.command()(needed)
 
 FromAnything = Annotated[
     Path,

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,8 +17,17 @@ from offboard.console import options
 from offboard.console.terminal import err, out, progress, show_damage
 
 if TYPE_CHECKING:
-    from koopman_lab.koopman.heldout import Errors
+    from koopman_lab.koopman.metrics import Errors
+    from koopman_lab.koopman.samples import Estimator
     from koopman_lab.koopman.sweep import Entry, SweepRow
+
+
+class Estimators(str, Enum):
+    """Choices of ``--estimator``."""
+
+    plain = "plain"
+    iv = "iv"
+    both = "both"
 
 
 def sweep(
@@ -28,6 +38,9 @@ def sweep(
         str, typer.Option("--windows", metavar="W,W,...", help="In frames, with commas between.")
     ] = "1,10,30,40,50,100",
     dictionary: options.Dictionary = None,
+    estimator: Annotated[
+        Estimators, typer.Option("--estimator", help="Least squares, instruments, or both.")
+    ] = Estimators.plain,
     figure: Annotated[
         Path | None,
         typer.Option("--out", metavar="FILE", help="Draw FILE.pdf and FILE.png, write FILE.csv."),
@@ -40,7 +53,7 @@ def sweep(
     Errors are those on every fifth run, which no fit has seen, smoothed with the session's own
     window.
 
-    Example: klab dataset sweep runs/dynamic --windows 1,10,40 --out runs/sweep
+    Example: klab dataset sweep runs/dynamic --windows 1,10,40 --estimator both --out runs/sweep
     """
     from koopman_lab.data.decode import SessionLog
     from koopman_lab.koopman import dictionary as dictionaries
@@ -52,11 +65,14 @@ def sweep(
     config = log.config()
     name = dictionary or config.model.dictionary
     rows = []
+    estimators: tuple[Estimator, ...] = (
+        ("plain", "iv") if estimator is Estimators.both else (estimator.value,)
+    )
     observables = dictionaries.dictionary(name, config.robot.kind).names
-    with progress("fitting", "windows") as report:
-        for row in fits(log, wanted, name):
+    with progress("fitting", "fits") as report:
+        for row in fits(log, wanted, name, estimators):
             rows.append(row)
-            report(len(rows), len(wanted), f"window {row.window}")
+            report(len(rows), len(wanted) * len(estimators), f"window {row.window}")
     entries = known_entries(config, observables)
     if figure is not None:
         from koopman_lab.figures.sweep import draw_sweep
@@ -77,7 +93,8 @@ def sweep(
         }
         out.print_json(json.dumps(facts))
     else:
-        _show(name, rows, entries)
+        for used in estimators:
+            _show(f"{name}, {used}", [row for row in rows if row.estimator == used], entries)
     show_damage(log.path, log.damage)
 
 

@@ -60,7 +60,7 @@ def demo(
     session = new_folder(top.path / "calibration", "calibration", lab)
     calibration = record(lab, session, listener)
     show_session(session, calibration)
-    model = learn(session.path, top.path / "model.npz")
+    model = learn([session.path], top.path / "model.npz")
     run = new_folder(top.path / "park", "park", lab)
     start = options.pose_of(STARTS[lab.robot.kind])
     result = drive(lab, run, model, start, options.pose_of((0.0, 0.0, 0.0)), listener)

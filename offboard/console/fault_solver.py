@@ -20,9 +20,13 @@ class FailingSolver:
     """
 
     def __init__(self, solver: Solver, times: float) -> None:
-        self.description = solver.description
+        self.description, self.rollout = solver.description, solver.rollout
         self._solver = solver
         self._left = times
+
+    def disturb(self, d: NDArray[np.float64]) -> None:
+        """Hand the disturbance on."""
+        self._solver.disturb(d)
 
     def solve(self, x0: NDArray[np.float64], guess: NDArray[np.float64]) -> Plan:
         """Return a plan, or none; see :class:`~koopman_lab.mpc.solver.Solver`."""

@@ -38,8 +38,14 @@ class Sight(NamedTuple):
     utime: int
     x1_m: float
     x2_m: float
+    theta_rad: float
     v_m_per_s: float
     omega_rad_per_s: float
+
+    @classmethod
+    def of(cls, t: lcmtypes.plant_truth_t) -> Sight:
+        """Return what a message tells."""
+        return cls(t.utime, t.x1_m, t.x2_m, t.theta_rad, t.v_m_per_s, t.omega_rad_per_s)
 
 
 class Mortal:
@@ -106,7 +112,7 @@ class Witness:
         """Nothing is held."""
 
     def _on_truth(self, t: lcmtypes.plant_truth_t) -> None:
-        self.sights.append(Sight(t.utime, t.x1_m, t.x2_m, t.v_m_per_s, t.omega_rad_per_s))
+        self.sights.append(Sight.of(t))
 
 
 class Stage:

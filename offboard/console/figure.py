@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +11,7 @@ import typer
 
 from koopman_lab.errors import DataError
 from offboard.console import options
+from offboard.console.given import models_and_runs
 from offboard.console.terminal import err, show_damage
 
 app = typer.Typer(help="Draw figures of the paper from what was recorded.", no_args_is_help=True)
@@ -16,9 +19,10 @@ app = typer.Typer(help="Draw figures of the paper from what was recorded.", no_a
 INPUT_UNITS = {"kinematic": ("m/s", "rad/s"), "dynamic": ("m/s²", "rad/s²")}
 
 
-@app.callback()
-def _group() -> None:
-    """Keep `samples` a subcommand although it is the only one."""
+FigureFile = Annotated[
+    Path,
+    typer.Option("--out", metavar="FILE", help="Draw FILE.pdf and FILE.png, write CSV files."),
+]
 
 
 @app.command()
@@ -26,10 +30,7 @@ def samples(
     session: Annotated[
         Path, typer.Argument(metavar="SESSION_DIR_OR_LOG", help="From `klab calibrate`.")
     ],
-    file: Annotated[
-        Path,
-        typer.Option("--out", metavar="FILE", help="Draw FILE.pdf and FILE.png, write CSV files."),
-    ],
+    file: FigureFile,
     windows: Annotated[
         str, typer.Option("--windows", metavar="W,W,...", help="In frames, with commas between.")
     ] = "10,30,40,50,100",
@@ -50,11 +51,69 @@ def samples(
     log = SessionLog(session, salvage=salvage)
     recorded = recording(log)
     shown = collected(recorded, wanted)
-    try:
+    with _drawing(file):
         draw_samples(file, shown, INPUT_UNITS[recorded.config.robot.kind])
+    show_damage(log.path, log.damage)
+
+
+@app.command()
+def dictionaries(
+    given: options.ModelsAndRuns,
+    file: FigureFile,
+    window: options.Window = None,
+    salvage: options.Salvage = False,
+) -> None:
+    """Draw what models predict for whole reference runs in open loop, and their one-step errors.
+
+    A column for each session; with reprojection, from the nominal start.
+
+    Example: klab figure dictionaries runs/D8Eul.npz runs/infinity runs/square --out runs/openloop
+    """
+    from koopman_lab.figures.dictionaries import draw_dictionaries
+
+    models, sessions, _ = read = models_and_runs(given, window, salvage=salvage)
+    with _drawing(file):
+        draw_dictionaries(file, models, sessions)
+    read.show_damage()
+
+
+@app.command()
+def multistep(
+    given: options.ModelsAndRuns,
+    file: FigureFile,
+    steps: options.Steps = 20,
+    window: options.Window = None,
+    salvage: options.Salvage = False,
+) -> None:
+    """Draw the errors of 1, 2, ... steps along the reference runs of one session.
+
+    Averaged over the runs and the largest of them, of one model with reprojection and without,
+    and of the nominal equations.
+
+    Example: klab figure multistep runs/D8Eul.npz runs/infinity --out runs/multistep
+    """
+    from koopman_lab.figures.multistep import draw_multi_step, multi_step
+
+    models, sessions, _ = read = models_and_runs(given, window, salvage=salvage)
+    if len(models) > 1 or len(sessions) > 1:
+        raise DataError(
+            f"{len(models)} models and {len(sessions)} sessions: this figure is of one model on "
+            "one session; `klab validate` compares several"
+        )
+    (name, model), runs = next(iter(models.items())), sessions[0]
+    found = multi_step(name, model, runs, steps)
+    with _drawing(file):
+        draw_multi_step(file, found, f"{runs.count} runs, {runs.shape}")
+    read.show_damage()
+
+
+@contextlib.contextmanager
+def _drawing(file: Path) -> Iterator[None]:
+    """Say where the figure is, or that it cannot be written there."""
+    try:
+        yield
     except OSError as error:
         raise DataError(
             f"{file}: cannot be written ({error.strerror}); choose another file with --out"
         ) from None
-    show_damage(log.path, log.damage)
     err.print(f"figure: {file.with_suffix('.png')}")

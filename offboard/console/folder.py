@@ -64,6 +64,11 @@ class RunFolder:
             ) from None
 
 
+def run_path(out: Path | None, what: str) -> Path:
+    """Return the folder a person named, or one in ``runs`` by the present time."""
+    return out if out is not None else Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{what}"
+
+
 def new_folder(out: Path | None, what: str, config: LabConfig) -> RunFolder:
     """Make a run folder and write the configuration into it.
 
@@ -72,8 +77,7 @@ def new_folder(out: Path | None, what: str, config: LabConfig) -> RunFolder:
     LabStateError
         If the folder holds a run already, or cannot be made.
     """
-    stamp = time.strftime("%Y%m%d-%H%M%S")
-    folder = RunFolder(out if out is not None else Path("runs") / f"{stamp}-{what}")
+    folder = RunFolder(run_path(out, what))
     if folder.log.exists() or folder.summary.exists():
         raise LabStateError(f"{folder.path}: holds a run already; choose another folder with --out")
     try:

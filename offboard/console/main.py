@@ -7,7 +7,7 @@ import sys
 import typer
 
 from koopman_lab.errors import LabError
-from offboard.console import bench, dataset, figure, log, run
+from offboard.console import bench, dataset, figure, log, model, run, study
 from offboard.console.calibrate import calibrate
 from offboard.console.demo import demo
 from offboard.console.doctor import doctor
@@ -15,13 +15,16 @@ from offboard.console.estop import estop
 from offboard.console.fault import fault
 from offboard.console.goal import goal
 from offboard.console.park import park
+from offboard.console.reference import reference
 from offboard.console.replay import replay
 from offboard.console.rerun import rerun
+from offboard.console.simulate import simulate
 from offboard.console.status import down, status
 from offboard.console.terminal import err
 from offboard.console.topics import topics
 from offboard.console.train import train
 from offboard.console.up import up
+from offboard.console.validate import validate
 from offboard.console.view import view
 
 EXPECTED_MISTAKE = 2
@@ -35,16 +38,18 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 COMMANDS = (
-    *(demo, up, status, down, view, topics, calibrate, train, park, replay, rerun),
-    *(goal, estop, fault, doctor),
+    *(demo, up, status, down, view, topics, calibrate, train, park, simulate, reference, validate),
+    *(replay, rerun, goal, estop, fault, doctor),
 )
 for command in COMMANDS:
     app.command()(command)
 app.add_typer(run.app, name="run")
 app.add_typer(log.app, name="log")
 app.add_typer(dataset.app, name="dataset")
+app.add_typer(model.app, name="model")
 app.add_typer(figure.app, name="figure")
 app.add_typer(bench.app, name="bench")
+app.add_typer(study.app, name="study")
 
 
 def main() -> None:

@@ -35,6 +35,13 @@ class PresetName(str, Enum):
     harsh = "harsh"
 
 
+class ShapeName(str, Enum):
+    """Choices of ``--shape``."""
+
+    infinity = "infinity"
+    square = "square"
+
+
 ConfigFile = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="YAML file with any part of the configuration."),
@@ -62,6 +69,7 @@ Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of draws a
 Url = Annotated[
     str | None, typer.Option("--url", help="LCM bus; default: LCM_DEFAULT_URL, then bus.url.")
 ]
+ReferenceShape = Annotated[ShapeName, typer.Option("--shape", help="Shape of the runs.")]
 Out = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Run folder; default runs/<stamp>-<what>."),
@@ -76,8 +84,23 @@ Window = Annotated[
 SamplingTime = Annotated[
     float | None, typer.Option("--dt", metavar="S", help="Sampling time of the model, s.")
 ]
+ModelsAndRuns = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="MODEL... RUN...",
+        help="Models (.npz, from `klab train`) and sessions of `klab reference`.",
+    ),
+]
+Steps = Annotated[
+    int, typer.Option("--steps", min=1, max=100, help="How many sampling times to predict.")
+]
 Dictionary = Annotated[
-    str | None, typer.Option("--dictionary", metavar="D", help="D5t, D8Eul, D10m, D13t, D12f.")
+    str | None,
+    typer.Option(
+        "--dictionary",
+        metavar="D",
+        help="D5t, D6Eul, D7m, D8Eul, D10m, D13t, D12f, or expressions: '1, x1, x2, theta, ...'.",
+    ),
 ]
 Salvage = Annotated[
     bool, typer.Option("--salvage", help="Use every intact event of a damaged log.")
@@ -159,3 +182,23 @@ def parse_windows(text: str) -> list[int]:
             "for example --windows 1,10,40"
         )
     return windows
+
+
+def parse_factors(text: str) -> list[float]:
+    """Return the factors that a person typed.
+
+    Raises
+    ------
+    DataError
+        If they are no numbers above 0, or 1 is not among them.
+    """
+    try:
+        factors = [float(word) for word in text.split(",")]
+    except ValueError:
+        factors = []
+    if 1.0 not in factors or not all(0.0 < factor < math.inf for factor in factors):
+        raise DataError(
+            f"--factors {text}: numbers above 0 with commas between them, 1 among them, "
+            "for example --factors 0.1,1,10"
+        )
+    return factors

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import Any
 
 import numpy as np
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.files import write_text
+from koopman_lab.files import write_csv
+from koopman_lab.studies.closed_loop import COLUMNS
 from offboard.console.folder import RunFolder
 from offboard.controller.node import ControllerNode
 
 TRAJECTORY = "trajectory.csv"
-
-COLUMNS = (
-    *("time_s", "x1_m", "x2_m", "theta_rad", "v_m_per_s", "omega_rad_per_s"),
-    *("u1", "u2", "value"),
-)
-"""Of the trajectory's file: the state relative to the goal, the input, the value function."""
 
 
 def outcome_facts(node: ControllerNode, missed_deadlines: int) -> dict[str, Any]:
@@ -53,17 +46,14 @@ def write_park(folder: RunFolder, config: LabConfig, facts: dict[str, Any]) -> d
     """
     from koopman_lab.bus.channels import MOCAP_POSE
     from koopman_lab.data.decode import SessionLog
-    from koopman_lab.figures.path import draw_path
+    from koopman_lab.figures.path import Curve, draw_paths
 
     log, rows = SessionLog(folder.log), facts["trajectory"]
-    table = io.StringIO()
-    writer = csv.writer(table, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows(rows)
-    write_text(folder.path / TRAJECTORY, table.getvalue())
+    write_csv(folder.path / TRAJECTORY, COLUMNS, rows)
     if rows:
         values = np.array(rows)
-        draw_path(folder.path / "path", values[:, 0], values[:, 1:4], values[:, -1])
+        curve = Curve("", values[:, 0], values[:, 1:4], values[:, -1])
+        draw_paths(folder.path / "path", [curve])
     solve_ms = facts["solve_ms"]
     p50, p99, largest = np.percentile(solve_ms, [50, 99, 100]).tolist() if solve_ms else [None] * 3
     summary = {

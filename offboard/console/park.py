@@ -37,7 +37,7 @@ def park(
         typer.Option("--goal", metavar="X Y THETA", help="Goal pose: m, m, degrees."),
     ] = (0.0, 0.0, 0.0),
     cost: Annotated[
-        str | None, typer.Option("--cost", help="Stage cost: me (mixed exponents).")
+        str | None, typer.Option("--cost", help="Stage cost: me, ce, ds (section 3.3).")
     ] = None,
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
@@ -142,8 +142,8 @@ def _in_lockstep(
     from koopman_lab.bus.channels import PLANT_RESET
     from offboard.console.nodes import lockstep_lab
     from offboard.console.outcome import outcome_facts
-    from offboard.console.place import reset_message
     from offboard.controller.node import ControllerNode
+    from offboard.placing import reset_message
 
     node = ControllerNode(config, model, goal)
     lab = lockstep_lab(config, folder, node)

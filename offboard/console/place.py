@@ -9,22 +9,13 @@ from koopman_lab.bus.channels import MOCAP_POSE, PLANT_RESET
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
-from koopman_lab.geometry import Pose, relative_to
+from koopman_lab.geometry import Pose
 from koopman_lab.units import US_PER_S
+from offboard.placing import reset_message, stands
 
 TRIES = 20
 FRAMES_PER_TRY = 60
 SILENT_S = 1.0
-NOISE_M, NOISE_RAD = 0.005, 0.02
-"""Beyond the accuracy of placing: many times the camera noise."""
-
-
-def reset_message(pose: Pose, utime: int) -> lcmtypes.plant_reset_t:
-    """Return the message that places the plant at a pose."""
-    message = lcmtypes.plant_reset_t()
-    message.utime = utime
-    message.x1_m, message.x2_m, message.theta_rad = pose
-    return message
 
 
 def place(listener: Listener, config: LabConfig, start: Pose, *, by_hand: bool) -> None:
@@ -53,7 +44,7 @@ def place(listener: Listener, config: LabConfig, start: Pose, *, by_hand: bool) 
                 raise LabStateError(
                     f"{MOCAP_POSE.name(config.robot.name)}: silent; are the cameras running?"
                 )
-            if any(_stands(m, start, config) for m in seen if m.utime > asked_us):
+            if any(_shows(m, start, config) for m in seen if m.utime > asked_us):
                 return
     place_it = "place it there by hand" if by_hand else "is another plant on this bus?"
     raise LabStateError(
@@ -62,13 +53,6 @@ def place(listener: Listener, config: LabConfig, start: Pose, *, by_hand: bool) 
     )
 
 
-def _stands(message: lcmtypes.mocap_pose_t, start: Pose, config: LabConfig) -> bool:
-    if not message.tracking_valid:
-        return False
-    off = relative_to(start, Pose(message.x1_m, message.x2_m, message.theta_rad))
-    accuracy = config.plant.placement
-    # The accuracy holds for each axis of the inertial frame; turned, its diagonal can come along.
-    return (
-        math.hypot(off.x1, off.x2) <= math.sqrt(2.0) * accuracy.position_m + NOISE_M
-        and abs(off.theta) <= accuracy.angle_rad + NOISE_RAD
-    )
+def _shows(frame: lcmtypes.mocap_pose_t, start: Pose, config: LabConfig) -> bool:
+    pose = Pose(frame.x1_m, frame.x2_m, frame.theta_rad)
+    return frame.tracking_valid and stands(pose, start, config.plant.placement)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from koopman_lab.bus.channels import DRIVERS
 from koopman_lab.errors import ConfigError, LabStateError
 from offboard.console import options
 from offboard.console.terminal import err, progress
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 REPLAY_URL = "udpm://239.255.76.68:7668?ttl=0"
 """Not the bus of any lab by default."""
-DRIVING = ("plant", "onboard", "sampler", "controller")
+DRIVING = ("plant", "onboard", *DRIVERS)
 """Nodes that would act on what a log says; loggers and viewers only listen."""
 
 

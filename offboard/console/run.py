@@ -164,6 +164,33 @@ def sampler(
 
 
 @app.command()
+def reference(
+    shape: options.ReferenceShape,
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    robot_name: options.RobotsName = None,
+    url: options.Url = None,
+    result: ResultFile = None,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Drive reference runs on a lab whose other processes run already.
+
+    Example: klab run reference --shape square --robot dynamic
+    """
+    from koopman_lab.bus.realtime import run_node
+    from koopman_lab.files import write_json
+    from offboard.reference.node import ReferenceNode
+    from offboard.reference.shapes import Shape
+
+    lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
+    node = ReferenceNode(lab, Shape[shape.value.upper()])
+    statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
+    if result is not None:
+        write_json(result, node.summary() | {"missed_deadlines": statistics.missed_ticks})
+
+
+@app.command()
 def controller(
     model: Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")],
     goal: Annotated[

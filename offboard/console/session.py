@@ -25,6 +25,7 @@ INTERRUPTED = 130
 ROLES = {
     "sampler": lcmtypes.velocity_command_t.SAMPLER,
     "controller": lcmtypes.velocity_command_t.CONTROLLER,
+    "reference": lcmtypes.velocity_command_t.REFERENCE,
 }
 
 
@@ -64,7 +65,7 @@ def in_real_time(
     config, folder, listener
         Of this run.
     commander
-        Name of the node: sampler or controller.
+        Name of the node: sampler, controller or reference.
     *arguments
         For its `klab run` command.
     resume

@@ -15,13 +15,13 @@ from pathlib import Path
 from types import FrameType
 
 import lcmtypes
-from koopman_lab.bus.channels import HEARTBEATS, PROCESS
+from koopman_lab.bus.channels import DRIVERS, HEARTBEATS, PROCESS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.units import US_PER_S
 from offboard.console.folder import RunFolder
-from offboard.processes import ENDS, NAMES
+from offboard.processes import NAMES
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 PATIENCE_S = 3.0
@@ -145,7 +145,7 @@ class Supervisor:
         """
         for name, child in self._children.items():
             code = child.poll()
-            if code is None or (code == 0 and name in ENDS):
+            if code is None or (code == 0 and name in DRIVERS):
                 continue
             file, how, lines = self._folder.process_log(name), _how(code), self._last_lines(name)
             self._note_end(name, lcmtypes.process_t.DIED, how)
@@ -194,7 +194,7 @@ class Supervisor:
             message.name, message.pid, message.host = name, child.pid, socket.gethostname()
             message.supervisor_pid = os.getpid()
             message.log_file = str(self._folder.process_log(name).absolute())
-            if child.poll() == 0 and name in ENDS:
+            if child.poll() == 0 and name in DRIVERS:
                 self._note_end(name, message.FINISHED, _how(0))
             message.state, message.ended = self._ended.get(name, (message.RUNNING, ""))
             if message.state == message.DIED:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,40 +17,70 @@ from offboard.console.marker import marker_line
 from offboard.console.terminal import err, out, show_damage
 
 if TYPE_CHECKING:
-    from koopman_lab.koopman.train import TrainingReport
+    from koopman_lab.koopman.train import Method, TrainingReport
+
+
+class EstimatorName(str, Enum):
+    """Choices of ``--estimator``."""
+
+    plain = "plain"
+    iv = "iv"
+
+
+class CombinationName(str, Enum):
+    """Choices of ``--combination``."""
+
+    paper = "paper"
+    generator = "generator"
 
 
 def train(
-    source: Annotated[
-        Path,
+    sources: Annotated[
+        list[Path],
         typer.Argument(
-            metavar="SOURCE",
-            help="A session, a data set .npz, or a folder of X_i.dat and Y_i.dat.",
+            metavar="SOURCE...",
+            help="Sessions, data sets .npz, or folders of X_i.dat and Y_i.dat; one at a time is "
+            "in memory.",
         ),
     ],
     model: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="Default: model.npz beside the source."),
+        typer.Option("--out", metavar="FILE", help="Default: model.npz beside the first source."),
     ] = None,
     dictionary: options.Dictionary = None,
     window: options.Window = None,
     dt_s: options.SamplingTime = None,
     robot: options.Robot = None,
+    estimator: Annotated[
+        EstimatorName, typer.Option("--estimator", help="iv: without the bias of camera noise.")
+    ] = EstimatorName.plain,
+    symmetric: Annotated[
+        bool, typer.Option("--symmetric", help="Only models that moving and turning leave alike.")
+    ] = False,
+    ridge: Annotated[
+        float, typer.Option("--ridge", min=0.0, help="Weight of a pull towards the identity.")
+    ] = 0.0,
+    combination: Annotated[
+        CombinationName, typer.Option("--combination", help="Of inputs: matrices or generators.")
+    ] = CombinationName.paper,
     salvage: options.Salvage = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Fit a bilinear Koopman model; prints samples, rank, condition.
+    """Fit a bilinear Koopman model; prints samples, rank, condition, defects.
 
     A folder of .dat files from elsewhere needs --robot and --dt.
 
     Example: klab train runs/calibration --window 40 --out runs/model.npz
     """
+    from koopman_lab.koopman.train import Method
+
     learn(
-        source,
+        sources,
         model,
         dictionary,
         window,
         dt_s,
+        method=Method(estimator.value, ridge, symmetric, combination.value),
         robot_kind=options.kind_of(robot),
         salvage=salvage,
         as_json=as_json,
@@ -56,12 +88,13 @@ def train(
 
 
 def learn(
-    source: Path,
+    sources: Sequence[Path],
     model: Path | None = None,
     dictionary: str | None = None,
     window: int | None = None,
     dt_s: float | None = None,
     *,
+    method: Method | None = None,
     robot_kind: RobotKind | None = None,
     salvage: bool = False,
     as_json: bool = False,
@@ -71,27 +104,39 @@ def learn(
     Raises
     ------
     LabError
-        If the source cannot be used, or does not excite the dictionary.
+        If a source cannot be used, or together they do not excite the dictionary.
     """
     from koopman_lab.data.source import open_source
-    from koopman_lab.koopman.train import train as fit
+    from koopman_lab.koopman.train import Trainer
 
-    opened = open_source(source, robot_kind=robot_kind, dt_s=dt_s, window=window, salvage=salvage)
-    learned, report = fit(opened.dataset, dictionary or opened.dictionary)
-    path = model if model is not None else opened.folder / "model.npz"
+    trainer = folder = None
+    damaged = []
+    for source in sources:
+        opened = open_source(
+            source, robot_kind=robot_kind, dt_s=dt_s, window=window, salvage=salvage
+        )
+        if trainer is None or folder is None:
+            trainer, folder = Trainer(dictionary or opened.dictionary, method), opened.folder
+        trainer.add(opened.dataset)
+        damaged.append((opened.file, opened.damage))
+    assert trainer is not None  # typer and the callers give at least one source
+    assert folder is not None
+    learned, report = trainer.result()
+    path = model if model is not None else folder / "model.npz"
     try:
         learned.save(path)
     except OSError as error:
         raise ModelError(
             f"{path}: cannot be written ({error.strerror}); choose another file with --out"
         ) from None
-    show_damage(opened.file, opened.damage)
+    for file, damage in damaged:
+        show_damage(file, damage)
     if as_json:
-        marker = opened.dataset.metadata.get("marker")
+        marker = learned.metadata["data"].get("marker")
         out.print_json(json.dumps(report.as_dict() | {"model": str(path), "marker": marker}))
     else:
         _show(report)
-        line = marker_line(opened.dataset.metadata)
+        line = marker_line(learned.metadata["data"])
         if line:
             out.print(line)
         err.print(f"model: {path}")
@@ -119,3 +164,22 @@ def _show(report: TrainingReport) -> None:
                 f"{e.condition:.3g}",
             )
     out.print(table)
+    method = report.method
+    out.print(
+        f"estimator {method.estimator}, combination {method.combination}, ridge {method.ridge:g}, "
+        f"{'symmetric' if method.symmetric else 'not held symmetric'}"
+    )
+    weakest = [b.weakest_instrument for b in report.bases if b.weakest_instrument is not None]
+    if weakest:
+        out.print(f"weakest canonical correlation of instruments: {min(weakest):.3g}")
+    found = report.defects
+    growth = ""
+    if found.growth_per_step is not None:
+        growth = (
+            f"; length of (cos, sin) changes {100 * found.growth_per_step:.3g} % per step without "
+            "reprojection"
+        )
+    out.print(
+        f"turning on the spot: {1e3 * found.sideways_m_per_rad:.3g} mm sideways per step per "
+        f"rad/s{growth}"
+    )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import lcmtypes
 from koopman_lab.bus.channels import ONBOARD_STATUS
-from koopman_lab.bus.commanders import commander_name
+from koopman_lab.bus.commanders import NOBODY, commander_name
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
@@ -16,7 +16,6 @@ from offboard.commander import ONBOARD_TIMEOUT_S, why_stopped
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
 
-NOBODY = 0
 LISTEN_S = 0.5
 """Five status messages."""
 PATIENCE_S = 3.0

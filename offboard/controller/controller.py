@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import Pose, relative_to, wrap_angle
-from koopman_lab.mpc.costs import stage_cost
 from koopman_lab.mpc.receding_horizon import Decision, RecedingHorizon
 from koopman_lab.units import US_PER_S
 from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds
@@ -142,7 +141,6 @@ class Controller:
         """Those that have ended."""
         self._settings = config.controller
         self._accelerates = config.robot.kind == "dynamic"
-        self._cost = stage_cost(config.controller)
         self.optimiser = optimiser
         """What finds the inputs."""
         self._estimator = StateEstimator(config, goal, optimiser.advance)
@@ -281,7 +279,7 @@ class Controller:
         return replace(
             self._report(x, (float(decision.u[0]), float(decision.u[1]))),
             value=plan.value,
-            stage_cost=float(self._cost(x, decision.u)),
+            stage_cost=self.optimiser.stage_cost(x, decision.u),
             iterations=decision.iterations,
             solved=decision.solved,
             predicted=plan.states[:, :2] @ turn.T + np.array(self.goal[:2]),

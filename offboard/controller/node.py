@@ -10,12 +10,11 @@ from pathlib import Path
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
-from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.schema import BackEnd, LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry import ORIGIN, Pose, Velocity, compose, relative_to
 from koopman_lab.mpc.prediction import PredictionModel, load_prediction
 from koopman_lab.mpc.receding_horizon import receding_horizon
-from koopman_lab.mpc.solver import BackEnd
 from koopman_lab.units import US_PER_S
 from offboard.commander import Commands, Freshness, SessionInfo
 from offboard.controller.controller import Controller, Inputs, State
@@ -38,7 +37,7 @@ class ControllerNode:
     goal
         Goal pose in the inertial frame.
     back_end
-        Solver.
+        Solver; None for the configured one.
 
     Raises
     ------
@@ -53,7 +52,7 @@ class ControllerNode:
         config: LabConfig,
         model: PredictionModel | Path,
         goal: Pose = ORIGIN,
-        back_end: BackEnd = "fatrop",
+        back_end: BackEnd | None = None,
     ) -> None:
         prediction = load_prediction(model) if isinstance(model, Path) else model
         optimiser = receding_horizon(prediction, config, back_end)

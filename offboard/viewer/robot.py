@@ -62,10 +62,14 @@ class RobotView:
         self._status = Latest(channels.ONBOARD_STATUS)
         self._mpc = Latest(channels.MPC_STATE)
         self._sampler = Latest(channels.SAMPLER_STATE)
+        self._reference = Latest(channels.REFERENCE_STATE)
         self._info = Latest(channels.SESSION_INFO)
         self._latest: dict[str, Latest[Any]] = {
             kept.channel.suffix: kept
-            for kept in (self._pose, self._wheels, self._status, self._mpc, self._info)
+            for kept in (
+                *(self._pose, self._wheels, self._status, self._mpc, self._reference),
+                self._info,
+            )
         }
         self._beats = {c.suffix: node for node, c in channels.HEARTBEATS.items()}
         self._config_yaml = ""
@@ -128,6 +132,9 @@ class RobotView:
             done.add("controller")
         if sampler is not None and sampler.phase == sampler.DONE:
             done.add("sampler")
+        reference = self._reference.read()
+        if reference is not None and reference.phase == reference.DONE:
+            done.add("reference")
         return [
             entry._replace(state=FINISHED)
             if entry.state == SILENT and entry.name in done
@@ -237,6 +244,9 @@ class RobotView:
             return before + words.parking(mpc)
         if sampler is not None:
             return before + words.sampling(sampler)
+        reference = self._reference.young(now_us, YOUNG_S)
+        if reference is not None:
+            return before + words.referring(reference)
         if status is not None:
             nobody = "" if status.commander else ", nobody commands it"
             return f"{before}{words.standing(status)}{nobody}"

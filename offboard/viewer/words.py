@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 
 import lcmtypes
+from koopman_lab.bus.channels import DRIVERS
 from offboard.commander import why_stopped
-from offboard.processes import ENDS, died
+from offboard.processes import died
 from offboard.viewer.roll import DIED, FINISHED, Entry
 from offboard.viewer.streams import Stream
 
@@ -25,6 +26,8 @@ PHASES = (
     "complete",
 )
 """By the numbers of ``sampler_state_t``."""
+RUN_PHASES = ("waiting", "placing the robot", "settling", "driving", "braking", "complete")
+"""By the numbers of ``reference_state_t``."""
 STEPS = ("waiting", "driving", "parked", "gave up at the time limit", "failed", "paused")
 """By the numbers of ``mpc_state_t``."""
 PERIODS = 5
@@ -57,6 +60,12 @@ def sampling(state: lcmtypes.sampler_state_t) -> str:
         doing += f" {state.basis_index}"
     run = min(state.segments_done + 1, state.segments_total)
     return f"calibrating, segment {run} of {state.segments_total}: {doing}"
+
+
+def referring(state: lcmtypes.reference_state_t) -> str:
+    """Return what a session of reference runs does."""
+    run = min(state.runs_done + 1, state.runs_total)
+    return f"reference run {run} of {state.runs_total}: {word(RUN_PHASES, state.phase)}"
 
 
 def parking(state: lcmtypes.mpc_state_t) -> str:
@@ -112,13 +121,13 @@ def banners(
         if entry.state == DIED and entry.told is not None
     ]
     over = {entry.name for entry in entries if entry.state == FINISHED}
-    commanders = {entry.name for entry in entries if entry.name in ENDS}
+    commanders = {entry.name for entry in entries if entry.name in DRIVERS}
     if commanders <= over:
         over.add("commander")
     by_publisher: dict[str, list[tuple[Stream, float]]] = {}
     for stream, age_s in stale_streams:
         who: str = "" if stream.channel is None else stream.channel.publisher
-        passing = who == "commander" or who in ENDS
+        passing = who == "commander" or who in DRIVERS
         if who and who not in over and not (passing and age_s > FORGOTTEN_S):
             by_publisher.setdefault(who, []).append((stream, age_s))
     for publisher, those in by_publisher.items():

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Literal, NamedTuple
 
+from koopman_lab.bus.commanders import NOBODY
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 
-NOBODY = 0
 ROUNDING = 1e-9
 Refusal = Literal["value", "stale", "order", "commander", "type", "stopped"]
 

@@ -1,5 +1,8 @@
+import importlib.util
+import json
+
 import pytest
-from klab import NO_RADIO_LOSS, klab_json, klab_ok
+from klab import MODEL, NO_RADIO_LOSS, klab, klab_json, klab_ok
 
 from koopman_lab.data.decode import SessionLog
 
@@ -44,3 +47,43 @@ def test_bench_motor_shows_the_responses_and_they_are_as_the_motor_loop_promises
     assert merit["disturbance_left_m_per_s"] < 0.02 * 0.3
     assert "overshoot" in klab_ok("bench", "motor", "--out", tmp_path / "motor")
     assert {p.name for p in tmp_path.iterdir()} == {"motor.pdf", "motor.png"}
+
+
+def test_bench_edmd_compares_with_others_and_streams():
+    size = ("--pairs", "2000", "--repetitions", "2", "--streamed", "120000")
+    facts = klab_json("bench", "edmd", *size)
+    for way in ("fit", "pykoop", "gram", "lift"):
+        times = facts[way]["time_s"]
+        assert 0.0 < times["median"] <= times["p99"] <= times["max"]
+    assert facts["fit_to_pykoop"]["time"] > 0.0
+    assert facts["streamed"]["pairs"] == 120_000
+    assert facts["streamed"]["peak_rss_bytes"] > 0
+
+
+def test_bench_ocp_has_a_row_for_each_solver_there_is():
+    wanted = ("--model", MODEL, "--states", "3", "--set", "controller.horizon=4")
+    done = klab("bench", "ocp", *wanted, "--json")
+    assert done.returncode == 0, done.stderr
+    there = importlib.util.find_spec("do_mpc") is not None
+    assert there == ("do-mpc is not installed" not in done.stderr)
+    rows = json.loads(done.stdout)
+    solvers = ["ours", "ipopt", *(["do-mpc"] if there else [])]
+    assert [(row["model"], row["solver"]) for row in rows] == [
+        (model, solver) for model in ("reprojected", "lifted") for solver in solvers
+    ]
+    for row in rows:
+        assert row["problem"] == "kinematic"
+        assert 0.0 < row["median_ms"] <= row["p99_ms"] <= row["max_ms"]
+        assert row["worse_share"] == len(row["exceptions"]) / 3
+
+
+def test_bench_parks_counts_where_the_robot_truly_stands():
+    short = ("--set", "controller.horizon=25", "--set", "controller.time_limit_s=8")
+    rows = klab_json("bench", "parks", "--model", MODEL, "--runs", "2", *short)
+    assert [row["controller"] for row in rows] == ["koopman", "koopman, offset-free", "nominal"]
+    assert {row["runs"] for row in rows} == {2}
+    for row in rows:
+        assert 0.0 <= row["within_share"] <= 1.0
+        assert row["x2_median_mm"] <= row["x2_max_mm"]
+    again = klab_json("bench", "parks", "--model", MODEL, "--runs", "2", *short)
+    assert again == rows

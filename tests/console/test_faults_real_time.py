@@ -36,7 +36,7 @@ class Witness:
             self.listener.subscribe(channel, lambda m, name=name: self.pids.update({name: m.pid}))
 
     def _see(self, t):
-        self.sights.append(Sight(t.utime, t.x1_m, t.x2_m, t.v_m_per_s, t.omega_rad_per_s))
+        self.sights.append(Sight.of(t))
         if t.faults and self.cut_us is None:
             self.cut_us = t.utime
 
@@ -78,11 +78,13 @@ def witness(bus_url):
     """Run a robot that no session owns: it stays when the session has ended."""
     witness = Witness(bus_url)
     robot = [start_klab("run", name) for name in ("plant", "onboard")]
-    witness.wait(lambda: {"plant", "onboard"} <= witness.pids.keys())
-    yield witness
-    for process in robot:
-        process.terminate()
-        process.communicate(timeout=30)
+    try:
+        witness.wait(lambda: {"plant", "onboard"} <= witness.pids.keys())
+        yield witness
+    finally:
+        for process in robot:
+            process.terminate()
+            process.communicate(timeout=30)
     assert not [name for name, pid in witness.pids.items() if alive(pid)]
 
 

@@ -89,10 +89,12 @@ def ear(bus_url):
 def up(ear, tmp_path):
     """Start `klab up`; yield it and its children's process ids."""
     process = start_klab("up", "--out", tmp_path / "up")
-    yield process, ear.wait_for(*STANDING)
-    process.kill()
-    process.wait()
-    process.stdout.close()
+    try:
+        yield process, ear.wait_for(*STANDING)
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])

@@ -18,21 +18,23 @@ WAIT_S = 0.05
 def robots(bus_url, tmp_path):
     """Bring two robots up on one bus; they end with the test."""
     started, heard = [], []
-    for name in ("R1", "R2"):
-        config = load_config(overrides=[f"bus.url={bus_url}", f"robot.name={name}"])
-        listener = Listener(config)
-        listener.subscribe(ONBOARD_STATUS, heard.append)
-        started.append(start_klab("up", "--robot-name", name, "--out", tmp_path / name))
-        for _ in range(MOST_WAITS):
-            if heard:
-                break
-            listener.spin(WAIT_S)
-        assert heard, f"{name} is not up in time"
-        heard.clear()
-    yield "R1", "R2"
-    for process in started:
-        process.terminate()
-        process.communicate(timeout=30)
+    try:
+        for name in ("R1", "R2"):
+            config = load_config(overrides=[f"bus.url={bus_url}", f"robot.name={name}"])
+            listener = Listener(config)
+            listener.subscribe(ONBOARD_STATUS, heard.append)
+            started.append(start_klab("up", "--robot-name", name, "--out", tmp_path / name))
+            for _ in range(MOST_WAITS):
+                if heard:
+                    break
+                listener.spin(WAIT_S)
+            assert heard, f"{name} is not up in time"
+            heard.clear()
+        yield "R1", "R2"
+    finally:
+        for process in started:
+            process.terminate()
+            process.communicate(timeout=30)
 
 
 def wait_until_held(bus_url, name):

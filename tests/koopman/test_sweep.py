@@ -55,6 +55,13 @@ def test_a_window_that_leaves_nothing_is_told_and_stops_nothing(rows):
     assert (last.pairs, last.entries, last.multi_step) == (0, None, None)
 
 
+def test_instruments_bring_the_integrator_back_without_a_window(noisy, rows):
+    (iv,) = sweep(noisy, [1], "D8Eul", ["iv"])
+    assert (iv.estimator, iv.pairs) == ("iv", rows[0].pairs)
+    off = abs(iv.entries["M_0[omega,omega]"] - 1.0)
+    assert off < 0.2 * abs(rows[0].entries["M_0[omega,omega]"] - 1.0)
+
+
 def test_only_entries_that_the_dictionary_has_are_looked_at(noisy):
     config = noisy.config()
     names = [e.name for e in known_entries(config, ("1", "v", "omega", "sin(theta)"))]

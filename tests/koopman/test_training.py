@@ -1,4 +1,6 @@
 import dataclasses
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -6,9 +8,10 @@ from ideal_data import ideal_dataset
 from scipy.linalg import expm
 
 from koopman_lab.errors import DataError, ModelError
+from koopman_lab.koopman.dictionary import DICTIONARIES, Dictionary, register
 from koopman_lab.koopman.fit import fit_matrix
 from koopman_lab.koopman.model import BilinearModel
-from koopman_lab.koopman.train import train
+from koopman_lab.koopman.train import Method, train
 from koopman_lab.robot.models import nominal_model
 
 
@@ -26,6 +29,14 @@ def test_d5t_on_ideal_data_is_the_matrix_exponential():
     for matrix, (v, omega) in zip(model.matrices[1:], [(0.2, -0.4), (0.2, 0.6)], strict=True):
         assert matrix == pytest.approx(expm(0.05 * d5t_generator(v, omega)), abs=1e-12)
     assert max(b.constant_residual for b in report.bases) < 1e-12
+
+
+@pytest.mark.parametrize("name", ["D5t", "D6Eul"])
+def test_dictionaries_that_the_robot_leaves_invariant_reproduce_it(name):
+    dataset = ideal_dataset("kinematic", segments=20)
+    model, _ = train(dataset, name)
+    for index, u in dataset.basis_inputs.items():
+        assert np.abs(model.step(dataset.X[index], u) - dataset.Y[index]).max() < 1e-12
 
 
 @pytest.mark.parametrize("name", ["D8Eul", "D13t", "D12f"])
@@ -126,6 +137,86 @@ def test_a_model_file_keeps_every_bit_and_the_same_data_give_the_same_file(tmp_p
     assert (back.dt_s, back.dictionary.name) == (0.05, "D8Eul")
     assert back.metadata["training"]["data_hash"] == report.data_hash
     assert {p.name for p in tmp_path.iterdir()} == {"a.npz", "b.npz"}
+
+
+def test_a_model_file_explains_its_dictionary_and_needs_no_registry(tmp_path):
+    texts = "1, x1, x2, theta, v, omega, v*cos(theta), v*sin(theta), omega^2"
+    model, _ = train(ideal_dataset("dynamic", segments=40), texts)
+    model.save(tmp_path / "model.npz")
+    back = BilinearModel.load(tmp_path / "model.npz")
+    assert back.dictionary == model.dictionary
+    assert ", ".join(back.dictionary.expressions) == texts
+    x, u = np.array([0.1, 0.2, 3.0, 0.2, 0.5]), np.array([0.1, 0.4])
+    assert np.array_equal(back.step(x, u), model.step(x, u))
+
+
+def test_metadata_say_how_and_of_what_the_model_was_made(tmp_path):
+    dataset = ideal_dataset("dynamic", segments=40)
+    origin = {"file": "/somewhere/session.lcm", "sha256": "0" * 64}
+    dataset = dataclasses.replace(dataset, metadata={"source": origin})
+    method = Method(ridge=1e-6, symmetric=True, combination="generator")
+    train(dataset, "D8Eul", method)[0].save(tmp_path / "model.npz")
+    metadata = BilinearModel.load(tmp_path / "model.npz").metadata
+    assert metadata["training"]["method"] == dataclasses.asdict(method)
+    assert metadata["training"]["bases"][1]["excitation"]["rank"] == 8
+    assert metadata["training"]["defects"]["sideways_m_per_rad"] < 1e-3
+    (data,) = metadata["sources"]
+    assert data["data_hash"] == dataset.data_hash
+    assert data["pairs"] == {"0": 1600, "1": 1600, "2": 1600}
+    # Of the session, not of the training: the same data give the same file.
+    assert data["recorded_utc"] is None
+    assert metadata["data"]["source"] == origin | {"file": "session.lcm"}
+    assert set(metadata["versions"]) == {"koopman-lab", "numpy", "scipy"}
+
+
+def test_a_dictionary_of_functions_must_be_known_before_its_model_is_read(tmp_path, monkeypatch):
+    monkeypatch.setattr("koopman_lab.koopman.dictionary.DICTIONARIES", dict(DICTIONARIES))
+    own = Dictionary(
+        "Dmine",
+        "kinematic",
+        ("one", "along", "across", "c", "s"),
+        DICTIONARIES["D5t"].observables.__call__,
+        (1, 2, None),
+        3,
+        4,
+    )
+    model, _ = train(ideal_dataset("kinematic"), own)
+    model.save(tmp_path / "model.npz")
+    with pytest.raises(ModelError, match=r"'Dmine': unknown.*must be registered"):
+        BilinearModel.load(tmp_path / "model.npz")
+    register(own)
+    assert np.array_equal(BilinearModel.load(tmp_path / "model.npz").matrices, model.matrices)
+
+
+def rewritten(path, **changes):
+    with np.load(path) as file:
+        arrays = dict(file)
+    header = json.loads(bytes(arrays["header"])) | changes
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+    np.savez(path, **arrays)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"format": 99}, "model file of format 99, this version reads 1 and 2; train it again"),
+        ({"dictionary": "D8Eul"}, "is for the dynamic robot"),
+        ({"observables": ["1"]}, "its observables are not those of D5t"),
+        ({"combination": "product"}, "combination 'product' of inputs is not known here"),
+        ({"dictionary": "D5own", "expressions": ["1", "x1.real"]}, "'x1.real' is not allowed"),
+    ],
+)
+def test_files_of_another_version_or_dictionary_are_refused_in_words(tmp_path, changes, message):
+    path = tmp_path / "model.npz"
+    train(ideal_dataset("kinematic"), "D5t")[0].save(path)
+    rewritten(path, **changes)
+    with pytest.raises(ModelError, match=message):
+        BilinearModel.load(path)
+
+
+def test_models_of_format_1_are_those_of_the_papers_combination():
+    model = BilinearModel.load(Path(__file__).parent.parent / "data" / "reference" / "model.npz")
+    assert (model.combination, model.dictionary.name) == ("paper", "D5t")
 
 
 def test_files_that_are_no_model_and_models_of_the_other_robot(tmp_path):

@@ -1,4 +1,4 @@
-"""The mixed-exponents cost against its closed form and its geometry."""
+"""The stage costs against their closed forms, and the geometry of the mixed exponents."""
 
 import casadi as ca
 import numpy as np
@@ -7,9 +7,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from koopman_lab.config.load import load_config
-from koopman_lab.mpc.costs import MixedExponents, stage_cost
+from koopman_lab.errors import ConfigError
+from koopman_lab.koopman.dictionary import dictionary
+from koopman_lab.mpc.costs import (
+    MixedExponents,
+    Quadratic,
+    QuadraticInObservables,
+    stage_cost,
+)
 
 KINEMATIC = MixedExponents((1.0, 5.0, 0.1), (0.5, 0.05))
+D5T = dictionary("D5t", "kinematic")
+CE = Quadratic((1.0, 5.0, 0.1), (0.5, 0.05))
+DS = QuadraticInObservables(D5T, (9.0, 1.0, 5.0, 0.1, 0.2), (0.5, 0.05))
 DYNAMIC = MixedExponents((1.0, 5.0, 0.1, 0.3, 0.2), (0.01, 0.02))
 FINITE = st.floats(-3.0, 3.0)
 
@@ -31,24 +41,52 @@ def test_dilation_of_the_sub_riemannian_geometry_scales_the_cost_by_its_fourth_p
     assert dilated == pytest.approx(s**4 * KINEMATIC(x, u), rel=1e-9, abs=1e-300)
 
 
+@given(x=st.tuples(FINITE, FINITE, FINITE), u=st.tuples(FINITE, FINITE))
+def test_quadratic_costs_have_their_closed_forms(x, u):
+    of_u = 0.5 * u[0] ** 2 + 0.05 * u[1] ** 2
+    expected = x[0] ** 2 + 5.0 * x[1] ** 2 + 0.1 * x[2] ** 2 + of_u
+    assert CE(x, u) == pytest.approx(expected, rel=1e-12, abs=1e-300)
+    # psi_d = (1, 0, 0, 1, 0), so that the constant observable costs nothing.
+    turned = 0.1 * (np.cos(x[2]) - 1.0) ** 2 + 0.2 * np.sin(x[2]) ** 2
+    expected = x[0] ** 2 + 5.0 * x[1] ** 2 + turned + of_u
+    assert DS(x, u) == pytest.approx(expected, rel=1e-12, abs=1e-300)
+    assert DS.of_observables(D5T.lift(x), u) == pytest.approx(expected, rel=1e-12, abs=1e-300)
+
+
 @given(z=st.tuples(*[FINITE] * 5), u=st.tuples(FINITE, FINITE))
 def test_symbols_and_numbers_cost_the_same(z, u):
-    x_symbol, u_symbol = ca.SX.sym("x", 5), ca.SX.sym("u", 2)
-    function = ca.Function("cost", [x_symbol, u_symbol], [DYNAMIC(x_symbol, u_symbol)])
-    assert float(function(z, u)) == pytest.approx(DYNAMIC(z, u), rel=1e-14)
+    for cost, x in ((DYNAMIC, z), (CE, z[:3]), (DS, z[:3])):
+        x_symbol, u_symbol = ca.SX.sym("x", len(x)), ca.SX.sym("u", 2)
+        function = ca.Function("cost", [x_symbol, u_symbol], [cost(x_symbol, u_symbol)])
+        assert float(function(x, u)) == pytest.approx(cost(x, u), rel=1e-14, abs=1e-300)
+
+
+def test_a_weight_of_the_observables_is_for_all_or_each_has_its_own():
+    def settings(q):
+        overrides = ["controller.cost=ds", f"controller.weights.ds.q={q}"]
+        return load_config(robot="kinematic", overrides=overrides).controller
+
+    assert stage_cost(settings([2.0]), D5T).q == (2.0,) * 5
+    assert stage_cost(settings([1, 2, 3, 4, 5]), D5T).q == (1.0, 2.0, 3.0, 4.0, 5.0)
+    with pytest.raises(ConfigError, match=r"has 2 weights.*D5t has 5.*cos\(theta\)"):
+        stage_cost(settings([1.0, 2.0]), D5T)
+    with pytest.raises(ConfigError, match="choose me or ce"):
+        stage_cost(settings([1.0]))
 
 
 def test_a_whole_trajectory_is_costed_at_once():
     rng = np.random.default_rng(0)
     states, inputs = rng.normal(size=(5, 7)), rng.normal(size=(2, 7))
-    each = [DYNAMIC(states[:, k], inputs[:, k]) for k in range(7)]
-    np.testing.assert_allclose(DYNAMIC(states, inputs), each, rtol=1e-14)
+    for cost in (DYNAMIC, CE, DS):
+        each = [cost(states[:, k], inputs[:, k]) for k in range(7)]
+        np.testing.assert_allclose(cost(states, inputs), each, rtol=1e-14)
 
 
+@pytest.mark.parametrize("name", ["me", "ce"])
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
-def test_the_configuration_names_the_weights(robot):
-    settings = load_config(robot=robot).controller
-    cost, weights = stage_cost(settings), settings.weights["me"]
+def test_the_configuration_names_the_weights(robot, name):
+    settings = load_config(robot=robot, overrides=[f"controller.cost={name}"]).controller
+    cost, weights = stage_cost(settings), settings.weights[name]
     for index, weight in enumerate(weights.q):
         unit = np.eye(len(weights.q))[index]
         assert cost(unit, [0.0, 0.0]) == weight

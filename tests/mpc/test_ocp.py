@@ -3,12 +3,15 @@
 import casadi as ca
 import numpy as np
 import pytest
+from koopman.ideal_data import ideal_dataset
 
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ConfigError
+from koopman_lab.koopman.train import train
 from koopman_lab.mpc.costs import MixedExponents, stage_cost
-from koopman_lab.mpc.ocp import transcribe
-from koopman_lab.mpc.prediction import NominalPrediction, Rollout
+from koopman_lab.mpc.ocp import Bounds, transcribe
+from koopman_lab.mpc.prediction import LiftedPrediction, NominalPrediction
+from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import NlpSolver, make_solver
 from koopman_lab.robot.models import nominal_model
 
@@ -16,7 +19,7 @@ STARTS = {
     "kinematic": [[0.0, 0.5, 0.0], [-1.0, -0.5, -0.52], [0.01, 0.004, 0.02]],
     "dynamic": [[-1.1, -0.53, -0.745, 0.0, 0.0], [1.0, 0.2, 0.785, 0.1, -0.3]],
 }
-BACK_ENDS = [("fatrop", True), ("fatrop", False), ("ipopt", False)]
+BACK_ENDS = [("ddp", True), ("fatrop", True), ("fatrop", False), ("ipopt", False)]
 PROBLEMS = [(robot, tuple(x0)) for robot, starts in STARTS.items() for x0 in starts]
 
 
@@ -35,18 +38,24 @@ def solvers():
     return made
 
 
-def guess_for(robot):
+def bounds(*u_max):
+    return Bounds(np.array(u_max))
+
+
+def guess_for(robot, x0=(1.0,)):
+    """Return a guess that leads away no farther than the goal is, or local minima differ."""
     settings = load_config(robot=robot).controller
-    return np.tile(0.25 * np.array(settings.u_max), (settings.horizon, 1))
+    effort = 0.25 * min(1.0, 2.0 * np.abs(x0).max())
+    return np.tile(effort * np.array(settings.u_max), (settings.horizon, 1))
 
 
 @pytest.mark.parametrize(("robot", "x0"), PROBLEMS)
 def test_all_solvers_reach_the_same_objective_from_the_same_guess(solvers, robot, x0):
-    *plans, ipopt = [s.solve(np.array(x0), guess_for(robot)) for s in solvers[robot]]
+    *plans, ipopt = [s.solve(np.array(x0), guess_for(robot, x0)) for s in solvers[robot]]
     assert ipopt.ok
-    for fatrop in plans:
-        assert fatrop.ok
-        assert fatrop.value == pytest.approx(ipopt.value, rel=1e-6)
+    for plan in plans:
+        assert plan.ok
+        assert plan.value == pytest.approx(ipopt.value, rel=1e-6)
 
 
 @pytest.mark.parametrize(("robot", "x0"), PROBLEMS)
@@ -82,7 +91,7 @@ def test_one_step_straight_ahead_has_the_closed_form():
     q, r, dt, x1 = 1.0, 0.5, 0.1, 0.8
     model, cost = NominalPrediction("kinematic", dt), MixedExponents((q, 5.0, 0.1), (r, 0.05))
     c = (q * dt / r) ** (1.0 / 3.0)
-    for back_end in ("fatrop", "ipopt"):
+    for back_end in ("ddp", "fatrop", "ipopt"):
         solver = make_solver(model, cost, 1, (1.0, 1.0), back_end)
         plan = solver.solve(np.array([x1, 0.0, 0.0]), np.full((1, 2), 0.1))
         assert plan.inputs[0, 0] == pytest.approx(-c * x1 / (1.0 + c * dt), rel=1e-4)
@@ -97,7 +106,7 @@ def test_a_simulated_trajectory_closes_all_gaps_and_has_the_objective_of_the_rol
     horizon, factor, rng = 7, 3.0, np.random.default_rng(2)
     settings = load_config(robot=robot).controller
     model, cost = NominalPrediction(robot, settings.dt_s), stage_cost(settings)
-    problem = transcribe(model, cost, horizon, settings.u_max)
+    problem = transcribe(model, cost, horizon, bounds(1.0, 2.0))
     x0, inputs = rng.normal(size=model.state_dim), rng.normal(size=(horizon, 2))
     states, value = Rollout(model, cost, horizon)(x0, inputs)
     variables = problem.pack(states, inputs)
@@ -111,13 +120,55 @@ def test_a_simulated_trajectory_closes_all_gaps_and_has_the_objective_of_the_rol
     np.testing.assert_array_equal(inputs_again, inputs)
 
 
-def test_only_inputs_are_bounded():
+def test_inputs_are_bounded_and_speeds_only_if_asked_for():
     settings = load_config(robot="dynamic").controller
-    model = NominalPrediction("dynamic", settings.dt_s)
-    problem = transcribe(model, stage_cost(settings), 3, (1.0, 2.0))
-    states, inputs = problem.unpack(problem.upper)
+    model, cost = NominalPrediction("dynamic", settings.dt_s), stage_cost(settings)
+    problem = transcribe(model, cost, 3, bounds(1.0, 2.0))
+    states, inputs = problem.unpack(problem.upper(np.zeros(5)))
     assert np.all(np.isinf(states))
     np.testing.assert_array_equal(inputs, np.tile([1.0, 2.0], (3, 1)))
+    limited = Bounds(np.array([1.0, 2.0]), (0.3, 0.9), model.speeds_at, 0.05)
+    problem = transcribe(model, cost, 3, limited)
+    states, _ = problem.unpack(problem.upper(np.array([0.0, 0.0, 0.0, -0.35, 0.5])))
+    assert np.all(np.isinf(states[0]))
+    assert np.all(np.isinf(states[:, :3]))
+    # Too fast at first, it must brake with half of 1 m/s^2 at least.
+    np.testing.assert_allclose(states[1:, 3], [0.325, 0.3, 0.3])
+    np.testing.assert_allclose(states[1:, 4], 0.9)
+
+
+@pytest.fixture(scope="module")
+def surrogate():
+    return train(ideal_dataset("dynamic", segments=20), "D8Eul")[0]
+
+
+def test_a_plan_keeps_to_bounds_of_the_speeds(surrogate):
+    settings, x0 = load_config(robot="dynamic").controller, np.array([-1.0, 0.0, 0.0, 0.0, 0.0])
+    plans = [
+        make_solver(
+            LiftedPrediction(surrogate), stage_cost(settings), 30, settings.u_max, speed_max=limit
+        ).solve(x0, np.full((30, 2), 0.01))
+        for limit in (None, (0.2, 0.5))
+    ]
+    assert all(plan.ok for plan in plans)
+    assert plans[0].states[:, 3].max() > 0.25
+    assert plans[1].states[:, 3].max() == pytest.approx(0.2, abs=1e-4)
+
+
+def test_all_solvers_agree_without_reprojection(surrogate):
+    settings = load_config(robot="dynamic", overrides=["controller.cost=ds"]).controller
+    model, cost = LiftedPrediction(surrogate), stage_cost(settings, surrogate.dictionary)
+    x0, guess = np.array([1.0, 0.2, 0.785, 0.1, -0.3]), np.full((20, 2), 0.1)
+    *plans, ipopt = (
+        make_solver(model, cost, 20, settings.u_max, back_end, 200).solve(x0, guess)
+        for back_end in ("ddp", "fatrop", "ipopt")
+    )
+    assert ipopt.ok
+    for plan in plans:
+        assert plan.ok
+        assert plan.value == pytest.approx(ipopt.value, rel=1e-6)
+        predicted = surrogate.predict(x0, plan.inputs, reproject=False)
+        np.testing.assert_allclose(plan.states, predicted, atol=1e-12)
 
 
 @pytest.mark.parametrize("back_end", range(len(BACK_ENDS)))
@@ -135,7 +186,7 @@ def test_solving_is_silent_and_repeatable(solvers, capfd, back_end):
 def test_running_out_of_iterations_counts_if_the_guess_was_improved(capfd, back_end):
     settings = load_config(robot="kinematic").controller
     model, cost = NominalPrediction("kinematic", settings.dt_s), stage_cost(settings)
-    problem = transcribe(model, cost, 10, settings.u_max)
+    problem = transcribe(model, cost, 10, bounds(*settings.u_max))
     solver = NlpSolver(problem, Rollout(model, cost, 10), back_end, most_iterations=1)
     x0, guess = np.array([0.0, 0.5, 0.0]), np.full((10, 2), 0.1)
     plan = solver.solve(x0, guess)
@@ -150,6 +201,6 @@ def test_running_out_of_iterations_counts_if_the_guess_was_improved(capfd, back_
 def test_a_missing_back_end_is_named():
     settings = load_config(robot="kinematic").controller
     model, cost = NominalPrediction("kinematic", settings.dt_s), stage_cost(settings)
-    problem = transcribe(model, cost, 2, settings.u_max)
+    problem = transcribe(model, cost, 2, bounds(*settings.u_max))
     with pytest.raises(ConfigError, match="no_such_solver"):
         NlpSolver(problem, Rollout(model, cost, 2), "no_such_solver")

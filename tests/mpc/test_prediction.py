@@ -5,28 +5,25 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.linalg import expm
+from prediction_models import exact_d5t
 
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ModelError
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.koopman.model import BilinearModel
-from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction, load_prediction
+from koopman_lab.mpc.costs import MixedExponents, QuadraticInObservables
+from koopman_lab.mpc.prediction import (
+    KoopmanPrediction,
+    LiftedPrediction,
+    NominalPrediction,
+    load_prediction,
+)
 from koopman_lab.mpc.receding_horizon import receding_horizon
+from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.robot.models import nominal_model
 
 ANGLE = st.floats(-9.0, 9.0)
 SPEED = st.floats(-0.5, 0.5)
-
-
-def exact_d5t(dt_s=0.05):
-    """Return D5t's invariant propagation: for fixed (v, omega) its span is closed."""
-    along, turning = np.zeros((5, 5)), np.zeros((5, 5))
-    along[1, 3] = along[2, 4] = 1.0
-    turning[3, 4], turning[4, 3] = -1.0, 1.0
-    inputs = np.array([[0.0, 0.0], [0.2, -0.4], [0.2, 0.6]])
-    matrices = np.array([expm(dt_s * (v * along + omega * turning)) for v, omega in inputs])
-    return BilinearModel(dictionary("D5t", "kinematic"), matrices, inputs, dt_s, {})
 
 
 def as_function(model):
@@ -55,6 +52,35 @@ def test_the_surrogate_predicts_in_symbols_what_it_predicts_in_numbers(theta, v,
     assert predicted[2] == pytest.approx(theta + 0.05 * omega, abs=1e-3)
 
 
+@pytest.mark.parametrize("name", ["D5t", "D8Eul", "D13t"])
+def test_without_reprojection_the_observables_are_propagated_as_they_are(name):
+    kind = "kinematic" if name == "D5t" else "dynamic"
+    observables, rng = dictionary(name, kind), np.random.default_rng(0)
+    size, horizon = observables.size, 12
+    matrices = np.eye(size) + 0.02 * rng.normal(size=(3, size, size))
+    matrices[:, 0] = np.eye(size)[0]
+    model = BilinearModel(
+        observables, matrices, np.array([[0, 0], [0.2, -0.4], [0.2, 0.6]]), 0.05, {}
+    )
+    n = observables.state_dim
+    x0, inputs = 0.5 * rng.normal(size=n), 0.3 * rng.normal(size=(horizon, 2))
+    weights = rng.uniform(size=size), rng.uniform(size=2)
+    cost = QuadraticInObservables(observables, *weights)
+    found = Rollout(LiftedPrediction(model), cost, horizon).trajectory(x0, inputs)
+    predicted = model.predict(x0, inputs, reproject=False)
+    np.testing.assert_allclose(found.states, predicted, atol=1e-12)
+    psi = [observables.lift(x0)]
+    for u in inputs:
+        psi.append(model.matrix(u) @ psi[-1])
+    np.testing.assert_allclose(found.propagated, psi, atol=1e-12)
+    with_rest = np.vstack([inputs, np.zeros(2)])
+    expected = sum(cost.of_observables(p, u) for p, u in zip(psi, with_rest, strict=True))
+    assert found.value == pytest.approx(expected, rel=1e-12)
+    of_states = MixedExponents(tuple(weights[0][:n]), tuple(weights[1]))
+    value = Rollout(LiftedPrediction(model), of_states, horizon)(x0, inputs)[1]
+    assert value == pytest.approx(np.sum(of_states(predicted.T, with_rest.T)), rel=1e-12)
+
+
 def test_a_model_file_becomes_a_prediction(tmp_path):
     exact_d5t().save(tmp_path / "model.npz")
     prediction = load_prediction(tmp_path / "model.npz")
@@ -63,8 +89,10 @@ def test_a_model_file_becomes_a_prediction(tmp_path):
         load_prediction(tmp_path / "absent.npz")
 
 
-def test_the_nominal_robot_parks_with_a_surrogate():
-    config = load_config(robot="kinematic")
+@pytest.mark.parametrize("reprojection", ["true", "false"])
+def test_the_nominal_robot_parks_with_a_surrogate(reprojection):
+    overrides = [f"controller.reprojection={reprojection}"]
+    config = load_config(robot="kinematic", overrides=overrides)
     horizon = receding_horizon(KoopmanPrediction(exact_d5t()), config)
     model, x = nominal_model("kinematic"), np.array([0.0, 0.5, 0.0])
     for _ in range(160):

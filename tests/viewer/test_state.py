@@ -193,6 +193,14 @@ def test_who_was_stopped_on_purpose_is_not_missed():
     assert robot["processes"][0]["state"] == "finished"
 
 
+def test_a_reference_run_is_what_the_lab_is_doing():
+    view = LabView(load_config())
+    state = lcmtypes.reference_state_t()
+    state.phase, state.runs_done, state.runs_total = state.RUN, 2, 20
+    view.take("R1_REFERENCE_STATE", state.encode(), 0)
+    assert view.snapshot(0)["R1"]["line"] == "reference run 3 of 20: driving"
+
+
 def test_an_emergency_stop_is_what_the_lab_is_doing():
     view = LabView(load_config())
     status = lcmtypes.onboard_status_t()

@@ -1,0 +1,215 @@
+"""Reference runs in the log of a session: states along the way, and the inputs that led it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lcmtypes
+from koopman_lab.bus.channels import MOCAP_POSE, REFERENCE_STATE
+from koopman_lab.config.schema import LabConfig, RobotKind
+from koopman_lab.data.collect import check_frames
+from koopman_lab.data.decode import SessionLog
+from koopman_lab.data.marker import without_offset
+from koopman_lab.data.processing import margin, states
+from koopman_lab.data.segments import Run, cut, in_time
+from koopman_lab.data.wire import StructuredArray
+from koopman_lab.errors import DataError
+from koopman_lab.geometry import ORIGIN, Pose
+from koopman_lab.robot.models import nominal_model
+from koopman_lab.units import US_PER_S
+
+LATE = 1.1
+"""In control intervals: a command that comes later was not there in time."""
+NO_BASIS = -1
+"""In place of the index of a basis input."""
+SHAPES = {
+    lcmtypes.reference_state_t.INFINITY: "infinity",
+    lcmtypes.reference_state_t.SQUARE: "square",
+}
+
+
+class Trajectory(NamedTuple):
+    """One run.
+
+    Attributes
+    ----------
+    number
+        Counts the runs of the log.
+    start_us, end_us
+        From the first input to the end of the last (us).
+    utime_us
+        Times of the states (k,) in us, ascending; where frames were lost, states are missing.
+    x
+        States (k, n): m, m, rad and, for the second-order robot, m/s, rad/s.
+    command_us
+        Times of the inputs (m,) in us; each is held until the next.
+    inputs
+        Inputs (m, 2) as logged. The second-order robot obeys a command for no longer than its
+        control interval: where the next one came late, zero stands in between.
+    """
+
+    number: int
+    start_us: int
+    end_us: int
+    utime_us: NDArray[np.int64]
+    x: NDArray[np.float64]
+    command_us: NDArray[np.int64]
+    inputs: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceRuns:
+    """The complete runs of a session.
+
+    Attributes
+    ----------
+    path
+        The log.
+    config
+        Of the lab that recorded it.
+    shape
+        Name of the shape.
+    window
+        Of the smoothing (frames).
+    count
+        How many runs.
+    start
+        Nominal state at the start (n,), at rest.
+    trajectories
+        Gives the runs in order of time, as seen by a model with this marker offset: the pose of
+        the tracked frame in the frame whose poses the model is of.
+    """
+
+    path: Path
+    config: LabConfig
+    shape: str
+    window: int
+    count: int
+    start: NDArray[np.float64]
+    trajectories: Callable[[Pose], list[Trajectory]]
+
+
+def reference_runs(log: SessionLog, window: int | None = None) -> ReferenceRuns:
+    """Read the complete runs of a session that `klab reference` recorded.
+
+    Velocities are differences of the poses, smoothed over a whole run together with the stands
+    before and after it; a run's inputs change in each step, so there is nothing to keep apart.
+
+    Parameters
+    ----------
+    log
+        The session.
+    window
+        In place of ``processing.smoothing_window``.
+
+    Raises
+    ------
+    LogError
+        If the log cannot be used or does not say its configuration.
+    DataError
+        If it holds no complete reference run, or runs of several shapes.
+    """
+    messages = in_time(log.array(REFERENCE_STATE))
+    where = f"{log.path}, {REFERENCE_STATE.name(log.robot_name)}"
+    driven = [run for run in _driven(messages) if len(run)]
+    if not driven:
+        raise DataError(
+            f"{where}: no complete reference run; give the folder or log of a session that "
+            "`klab reference` recorded"
+        )
+    shapes = {int(run["shape"][0]) for run in driven}
+    if len(shapes) > 1:
+        raise DataError(f"{where}: runs of several shapes; record one session to a log")
+    config = log.config()
+    window = config.processing.smoothing_window if window is None else window
+    frames, rate_hz = log.array(MOCAP_POSE), config.mocap.rate_hz
+    check_frames(f"{log.path}, {MOCAP_POSE.name(log.robot_name)}", frames["utime"], rate_hz)
+    first = driven[0][0]
+    start = np.zeros(nominal_model(config.robot.kind).state_dim)
+    start[:3] = first["start_x1_m"], first["start_x2_m"], first["start_theta_rad"]
+
+    def trajectories(offset: Pose) -> list[Trajectory]:
+        return [
+            _trajectory(number, run, frames, config, window, offset)
+            for number, run in enumerate(driven)
+        ]
+
+    return ReferenceRuns(
+        log.path, config, SHAPES[shapes.pop()], window, len(driven), start, trajectories
+    )
+
+
+def _driven(messages: StructuredArray) -> list[StructuredArray]:
+    """Return the states of each run that drove all of its inputs and lost none on the way here."""
+    messages = messages[messages["phase"] == lcmtypes.reference_state_t.RUN]
+    runs = [messages[messages["run"] == number] for number in np.unique(messages["run"])]
+    return [r for r in runs if np.array_equal(r["step"], np.arange(r["steps"][0]))]
+
+
+def _trajectory(
+    number: int,
+    driven: StructuredArray,
+    frames: StructuredArray,
+    config: LabConfig,
+    window: int,
+    offset: Pose,
+) -> Trajectory:
+    interval_us = round(config.controller.dt_s * US_PER_S)
+    command_us, inputs = _held(driven, interval_us, config.robot.kind)
+    start_us, end_us = int(driven["utime"][0]), int(driven["utime"][-1]) + interval_us
+    rate_hz = config.mocap.rate_hz
+    # The robot stands before and after, so that the first and the last state have whole windows.
+    around_us = round((margin(window) + 2) / rate_hz * US_PER_S)
+    run = Run(number, NO_BASIS, (0.0, 0.0), start_us - around_us, end_us + around_us)
+    segments = cut([run], frames, frame_rate_hz=rate_hz)
+    if offset != ORIGIN:
+        segments = [s._replace(poses=without_offset(s.poses, offset)) for s in segments]
+    pieces = [states(segment, config.robot.kind, window) for segment in segments]
+    n = nominal_model(config.robot.kind).state_dim
+    return Trajectory(
+        number,
+        start_us,
+        end_us,
+        np.concatenate([np.zeros(0, np.int64), *(piece.utime_us for piece in pieces)]),
+        np.concatenate([np.zeros((0, n)), *(piece.x for piece in pieces)]),
+        command_us,
+        inputs,
+    )
+
+
+def _held(
+    driven: StructuredArray, interval_us: int, kind: RobotKind
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return times (m,) and inputs (m, 2), each in effect until the next."""
+    command_us = driven["utime"].astype(np.int64)
+    inputs = np.column_stack([driven["u1"], driven["u2"]])
+    if kind == "kinematic":
+        return command_us, inputs
+    late = np.flatnonzero(np.diff(command_us) > LATE * interval_us)
+    ends_us = command_us[late] + interval_us
+    return np.insert(command_us, late + 1, ends_us), np.insert(inputs, late + 1, 0.0, axis=0)
+
+
+def mean_inputs(
+    trajectory: Trajectory, since_us: NDArray[np.float64], dt_us: float
+) -> NDArray[np.float64]:
+    """Return the means (..., 2) of the held inputs over intervals of ``dt_us``.
+
+    ``since_us`` (...) in us are their beginnings, counted from the start of the run. The mean of
+    an interval that begins with a command is the command. Outside the run inputs are zero.
+    """
+    edges = np.append(trajectory.command_us, trajectory.end_us) - trajectory.start_us
+    steps = np.diff(edges)[:, None] * trajectory.inputs
+    integral = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+
+    def up_to(times: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.stack([np.interp(times, edges, column) for column in integral.T], axis=-1)
+
+    means: NDArray[np.float64] = (up_to(since_us + dt_us) - up_to(since_us)) / dt_us
+    return means

@@ -1,0 +1,144 @@
+"""Open-loop predictions of several dictionaries, and their one-step errors (paper, section 5.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from koopman_lab.data.reference import ReferenceRuns, Trajectory, mean_inputs
+from koopman_lab.figures.canvas import new_figure, save
+from koopman_lab.files import write_csv
+from koopman_lab.koopman.metrics import along, rolling
+from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.koopman.validation import NOMINAL, common_dt_s, predictors, starts_by_offset
+from koopman_lab.units import US_PER_S
+
+Array = NDArray[np.float64]
+COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:purple", "tab:brown", "tab:cyan")
+"""Of models, in turn; red are the runs, black is nominal."""
+MARGIN_M = 0.25
+"""Around what the robot drove; predictions may leave the picture."""
+UNITS = ((1e3, "mm"), (180.0 / np.pi, "deg"), (1e3, "mm/s"), (180.0 / np.pi, "deg/s"))
+
+
+class OpenLoop(NamedTuple):
+    """One predictor on one shape.
+
+    Attributes
+    ----------
+    path
+        States (T + 1, n) predicted from the nominal start with the inputs of a whole run.
+    time_s, one_step
+        Times (B,) in s along the runs, and there the one-step errors (B, 2 or 4), averaged over
+        the runs: m, rad and, for the second-order robot, m/s, rad/s.
+    """
+
+    path: Array
+    time_s: Array
+    one_step: Array
+
+
+def open_loop(models: Mapping[str, BilinearModel], runs: ReferenceRuns) -> dict[str, OpenLoop]:
+    """Return the predictions of models by name, with reprojection, and of the nominal equations."""
+    dt_s = common_dt_s(models)
+    wanted = [p for p in predictors(models) if p.reprojection is not False]
+    first = runs.trajectories(wanted[0].marker_offset)[0]
+    dt_us = dt_s * US_PER_S
+    begins = np.arange(0.0, first.end_us - first.start_us - 0.5 * dt_us, dt_us)
+    inputs = mean_inputs(first, begins, dt_us)
+    starts = starts_by_offset(wanted, runs, 1, dt_s)
+    found = {}
+    for predictor in wanted:
+        of = starts[predictor.marker_offset]
+        path = predictor.predict(runs.start[None], inputs[None])[0]
+        time_s, mean, _ = along(rolling(predictor.predict, of), of, dt_s)
+        found[predictor.model] = OpenLoop(path, time_s, mean[:, 0])
+    return found
+
+
+def draw_dictionaries(
+    stem: Path, models: Mapping[str, BilinearModel], sessions: Sequence[ReferenceRuns]
+) -> None:
+    """Write ``stem.pdf``, ``stem.png``, ``stem-paths.csv`` and ``stem-one-step.csv``.
+
+    A column each session: what was driven and what each model predicts, below that the one-step
+    errors, of the pose as solid lines and of the velocities as dotted ones.
+
+    Parameters
+    ----------
+    stem
+        Path without ending.
+    models
+        By name.
+    sessions
+        Of one robot, that of the models.
+    """
+    figure = new_figure(width=6.2 * len(sessions), height=10.0)
+    columns = figure.subplots(3, len(sessions), squeeze=False, height_ratios=(2.0, 1.0, 1.0)).T
+    paths: list[tuple[object, ...]] = []
+    errors: list[tuple[object, ...]] = []
+    dt_s = common_dt_s(models)
+    for (plane, translation, rotation), runs in zip(columns, sessions, strict=True):
+        found = open_loop(models, runs)
+        offset = next(iter(models.values())).marker_offset
+        _draw_plane(plane, runs.shape, runs.trajectories(offset), found)
+        for k, (axes, name) in enumerate(((translation, "position"), (rotation, "angle"))):
+            _draw_errors(axes, found, k)
+            axes.set(xlabel="time (s)", ylabel=f"one-step error, {name} ({UNITS[k][1]})")
+        for name, of in found.items():
+            paths += [(runs.shape, name, k * dt_s, *x) for k, x in enumerate(of.path.tolist())]
+            rows = zip(of.time_s.tolist(), of.one_step.tolist(), strict=True)
+            errors += [(runs.shape, name, t, *row) for t, row in rows]
+    handles, labels = columns[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), fontsize="small")
+    save(figure, stem)
+    n = len(sessions[0].start)
+    states = ("x1_m", "x2_m", "theta_rad", "v_m_per_s", "omega_rad_per_s")[:n]
+    write_csv(_beside(stem, "paths"), ("shape", "model", "time_s", *states), paths)
+    measured = ("position_m", "angle_rad", "v_m_per_s", "omega_rad_per_s")[: n - 1]
+    write_csv(_beside(stem, "one-step"), ("shape", "model", "time_s", *measured), errors)
+
+
+def _draw_plane(
+    plane: Axes, shape: str, runs: Sequence[Trajectory], found: Mapping[str, OpenLoop]
+) -> None:
+    driven = [t.x[(t.utime_us >= t.start_us) & (t.utime_us <= t.end_us)] for t in runs]
+    for x in driven:
+        label = f"{len(driven)} runs" if x is driven[0] else None
+        plane.plot(x[:, 0], x[:, 1], color="tab:red", alpha=0.25, linewidth=0.8, label=label)
+    for k, (name, of) in enumerate(found.items()):
+        line = "--" if name == NOMINAL else "-"
+        plane.plot(of.path[:, 0], of.path[:, 1], line, color=_colour(name, k), label=name)
+    poses = np.concatenate([*driven, found[NOMINAL].path])[:, :2]
+    (left, bottom), (right, top) = poses.min(axis=0) - MARGIN_M, poses.max(axis=0) + MARGIN_M
+    plane.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", title=shape)
+    plane.set(xlabel="$x_1$ (m)", ylabel="$x_2$ (m)")
+    plane.grid(visible=True)
+
+
+def _draw_errors(axes: Axes, found: Mapping[str, OpenLoop], which: int) -> None:
+    """Draw position and v (``which`` 0), or angle and omega (1), on two scales."""
+    fast = axes.twinx() if found[NOMINAL].one_step.shape[1] > 2 else None
+    for k, (name, of) in enumerate(found.items()):
+        colour = _colour(name, k)
+        axes.plot(of.time_s, UNITS[which][0] * of.one_step[:, which], color=colour, linewidth=0.9)
+        if fast is not None:
+            factor, unit = UNITS[which + 2]
+            values = factor * of.one_step[:, which + 2]
+            fast.plot(of.time_s, values, ":", color=colour, linewidth=0.7)
+            fast.set(ylabel=f"velocity ({unit}), dotted", yscale="log")
+    axes.set(yscale="log")
+    axes.grid(visible=True)
+
+
+def _colour(name: str, number: int) -> str:
+    return "black" if name == NOMINAL else COLOURS[number % len(COLOURS)]
+
+
+def _beside(stem: Path, what: str) -> Path:
+    return stem.with_name(f"{stem.with_suffix('').name}-{what}.csv")

@@ -1,0 +1,176 @@
+"""Trajectories of a prediction model and what they cost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from koopman_lab.mpc.costs import StageCost
+from koopman_lab.mpc.prediction import PredictionModel
+
+Array = NDArray[np.float64]
+FUNCTION = "rollout"
+"""Name of the function in a library."""
+
+
+class Trajectory(NamedTuple):
+    """What a model does under inputs.
+
+    Attributes
+    ----------
+    propagated
+        What the model propagates, (H + 1, S).
+    states
+        The robot's states that it stands for, (H + 1, n).
+    value
+        Sum of the stage costs.
+    """
+
+    propagated: Array
+    states: Array
+    value: float
+
+
+class Call:
+    """A CasADi function called on arrays that stay where they are; not for two threads at once.
+
+    What CasADi does with the arguments of an ordinary call takes longer than the function itself.
+    A matrix (R, C) is an array (C, R) here, because CasADi stores columns.
+
+    Parameters
+    ----------
+    function
+        Of any number of arguments and results, all dense.
+    """
+
+    def __init__(self, function: Any) -> None:
+        self._buffer, self.run = function.buffer()
+        self.arguments = [_array(function.sparsity_in(i)) for i in range(function.n_in())]
+        self.results = [_array(function.sparsity_out(i)) for i in range(function.n_out())]
+        for index, array in enumerate(self.arguments):
+            self._buffer.set_arg(index, array.data)
+        for index, array in enumerate(self.results):
+            self._buffer.set_res(index, array.data)
+
+    def statistics(self) -> dict[str, Any]:
+        """Return what the function tells of its last run."""
+        found: dict[str, Any] = self._buffer.stats()
+        return found
+
+
+class Rollout:
+    """Simulates a model under a sequence of inputs and adds up the stage costs.
+
+    The cost is that of the optimal control problem: H stages with inputs and one without. One
+    instance serves one thread.
+
+    Parameters
+    ----------
+    model
+        Of the robot.
+    cost
+        Of a stage.
+    horizon
+        Number of inputs H.
+    library
+        Holds :func:`function` compiled; None to do without.
+    """
+
+    def __init__(
+        self, model: PredictionModel, cost: StageCost, horizon: int, library: Path | None = None
+    ) -> None:
+        self.horizon = horizon
+        self.state_dim = model.state_dim
+        dim = model.disturbance_dim
+        self._disturbed = disturbed(model)
+        numbers = np.concatenate([model.parameters, cost.parameters])
+        made = function(model, cost, horizon) if library is None else None
+        self._call = Call(made or ca.external(FUNCTION, str(library)))
+        self._call.arguments[2][:] = numbers
+        x, u, d = (ca.SX.sym(*of) for of in (("x", self.state_dim), ("u", 2), ("d", dim)))
+        p = ca.vertcat(ca.DM(model.parameters[: len(model.parameters) - dim]), d)
+        s, w = model.lift(x), ca.DM(cost.parameters)
+        following, here = model.state(model.step(s, u, p)), model.cost(cost, s, u, w)
+        self._once = Call(ca.Function("once", [x, u, d], [ca.densify(following), ca.densify(here)]))
+
+    def disturb(self, d: Array) -> None:
+        """Let the model predict with other last parameters (its ``disturbance_dim``,)."""
+        self._call.arguments[2][self._disturbed] = d
+        self._once.arguments[2][:] = d
+
+    def trajectory(self, x0: Array, inputs: Array) -> Trajectory:
+        """Return what happens from the state ``x0`` (n,) on under ``inputs`` (H, 2)."""
+        call = self._call
+        call.arguments[0][:], call.arguments[1][:] = x0, inputs
+        call.run()
+        propagated, states, value = call.results
+        return Trajectory(propagated.copy(), states.copy(), float(value[0]))
+
+    def __call__(self, x0: Array, inputs: Array) -> tuple[Array, float]:
+        """Return the states (H + 1, n) that begin with ``x0`` (n,), and the sum of the costs.
+
+        Parameters
+        ----------
+        x0
+            State (n,).
+        inputs
+            Inputs (H, 2).
+        """
+        found = self.trajectory(x0, inputs)
+        return found.states, found.value
+
+    def advance(self, x: Array, u: Array) -> Array:
+        """Return the state (n,) one sampling time after ``x`` (n,) under ``u`` (2,)."""
+        return self._at(x, u)[0].copy()
+
+    def stage_cost(self, x: Array, u: Array) -> float:
+        """Return what a stage costs in the state ``x`` (n,) under ``u`` (2,)."""
+        return float(self._at(x, u)[1][0])
+
+    def _at(self, x: Array, u: Array) -> list[Array]:
+        self._once.arguments[0][:], self._once.arguments[1][:] = x, u
+        self._once.run()
+        return self._once.results
+
+
+def disturbed(model: PredictionModel) -> slice:
+    """Return where the parameters of a model may change."""
+    return slice(model.parameters.size - model.disturbance_dim, model.parameters.size)
+
+
+def function(model: PredictionModel, cost: StageCost, horizon: int) -> Any:
+    """Return the CasADi function of state, inputs (2, H) and numbers of model and cost.
+
+    Its results are the fields of :class:`Trajectory`, a column for each stage.
+    """
+    n, size = model.state_dim, model.size
+    s, x, u = ca.SX.sym("s", size), ca.SX.sym("x", n), ca.SX.sym("u", 2)
+    p, w = ca.SX.sym("p", model.parameters.size), ca.SX.sym("w", cost.parameters.size)
+    lift = ca.Function("lift", [x], [ca.densify(model.lift(x))])
+    step = ca.Function("roll", [s, u, p], [ca.densify(model.step(s, u, p))])
+    state = ca.Function("state", [s], [ca.densify(model.state(s))])
+    stage = ca.Function("stage", [s, u, w], [model.cost(cost, s, u, w)])
+    x0, inputs = ca.MX.sym("x0", n), ca.MX.sym("inputs", 2, horizon)
+    numbers = ca.MX.sym("numbers", p.numel() + w.numel())
+    of_model, weights = ca.vertsplit(numbers, [0, p.numel(), numbers.numel()])
+    course = [lift(x0)]
+    for k in range(horizon):
+        course.append(step(course[-1], inputs[:, k], of_model))
+    propagated = ca.horzcat(*course)
+    # The initial state is not read off, so that its angle is as it was given.
+    later = state.map(horizon)(propagated[:, 1:])
+    costs = stage.map("each_stage", "serial", horizon + 1, [2], [])(
+        propagated, ca.horzcat(inputs, ca.DM.zeros(2, 1)), weights
+    )
+    return ca.Function(
+        FUNCTION, [x0, inputs, numbers], [propagated, ca.horzcat(x0, later), ca.sum2(costs)]
+    )
+
+
+def _array(sparsity: Any) -> Array:
+    rows, columns = sparsity.shape
+    return np.zeros(rows) if columns == 1 else np.zeros((columns, rows))

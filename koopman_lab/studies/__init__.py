@@ -1,0 +1,1 @@
+"""Closed-loop studies, one file a study."""

@@ -1,0 +1,1 @@
+"""Reference runs that models are validated with (paper, section 5.3)."""

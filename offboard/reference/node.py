@@ -1,0 +1,108 @@
+"""Ties the driver of reference runs to the bus."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import lcmtypes
+from koopman_lab.bus import channels
+from koopman_lab.bus.commanders import NOBODY
+from koopman_lab.bus.node import Port
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.geometry import Pose
+from offboard.commander import Commands, Freshness, SessionInfo
+from offboard.placing import reset_message
+from offboard.reference.driver import Action, Driver, Observation, Phase
+from offboard.reference.shapes import Shape, input_sequence, start_pose
+
+REFERENCE = lcmtypes.velocity_command_t.REFERENCE
+FAREWELLS = 4
+"""The last state is sent this often, so that losing one message loses nothing."""
+AT_REST = 1e-6
+"""Of a set-point, m/s and rad/s."""
+
+
+class ReferenceNode:
+    """Listens to poses and to who is alive; places and commands the robot, says REFERENCE_STATE.
+
+    Parameters
+    ----------
+    config
+        The lab.
+    shape
+        Of the runs.
+
+    Raises
+    ------
+    ConfigError
+        If the shape cannot be driven as configured.
+    """
+
+    name = "reference"
+
+    def __init__(self, config: LabConfig, shape: Shape) -> None:
+        inputs = input_sequence(config, shape)
+        self.driver = Driver(config, start_pose(config, shape), inputs, config.reference.runs)
+        self._shape = shape
+        self._config = config
+        self._farewells = 0
+
+    def attach(self, port: Port) -> None:
+        """Register channels and timers."""
+        self._port = port
+        self._alive = Freshness(port, self._config)
+        self._commands = Commands(port, self._config, REFERENCE)
+        SessionInfo(port, self._config, "reference")
+        port.every(1.0 / self._config.controller.dt_s, self._on_tick)
+
+    def close(self) -> None:
+        """Give the robot up; the motor loop brings it to rest."""
+        self._commands.release(self._port.now_us())
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the session brought: runs, and runs driven again by reason."""
+        driver = self.driver
+        return {
+            "shape": self._shape.name.lower(),
+            "complete": driver.done == driver.total,
+            "runs": driver.done,
+            "runs_wanted": driver.total,
+            "steps": len(driver.inputs),
+            "repeated": dict(sorted(driver.repeated.items())),
+        }
+
+    def _on_tick(self, tick_us: int) -> None:
+        del tick_us
+        now_us, number = self._port.now_us(), self._commands.number
+        frame, status = self._alive.pose(now_us), self._alive.onboard(now_us)
+        seen = Observation(
+            Pose(frame.x1_m, frame.x2_m, frame.theta_rad) if frame else None,
+            frame.utime if frame else 0,
+            self._alive.robot(number, now_us) and self._alive.logger(now_us),
+            status is not None and status.commander == number,
+            status is not None
+            and status.commander == NOBODY
+            and max(abs(status.v_setpoint_m_per_s), abs(status.omega_setpoint_rad_per_s)) < AT_REST,
+        )
+        action = self.driver.step(seen, now_us)
+        if action.u is not None:
+            self._commands.send(action.u, now_us)
+        elif action.release:
+            self._commands.rest(now_us)
+        if action.place:
+            self._port.publish(channels.PLANT_RESET, reset_message(self.driver.start, now_us))
+        self._send_state(action, now_us)
+        if action.phase is Phase.DONE:
+            self._farewells += 1
+            if self._farewells == FAREWELLS:
+                self._port.finish()
+
+    def _send_state(self, action: Action, utime: int) -> None:
+        driver, message = self.driver, lcmtypes.reference_state_t()
+        message.utime = utime
+        message.phase, message.shape = action.phase, self._shape
+        message.run, message.step, message.steps = action.run, action.step, len(driver.inputs)
+        message.u1, message.u2 = action.u or (0.0, 0.0)
+        message.runs_done, message.runs_total = driver.done, driver.total
+        message.start_x1_m, message.start_x2_m, message.start_theta_rad = driver.start
+        self._port.publish(channels.REFERENCE_STATE, message)
