@@ -49,7 +49,7 @@ def status(
         if not robot.replayed(now_us)
     }
     if as_json:
-        from offboard.viewer.robot import entry_row
+        from offboard.viewer.json_values import entry_row
 
         rows = {name: [entry_row(e) for e in entries] for name, entries in sorted(found.items())}
         out.print_json(json.dumps(rows))

@@ -10,15 +10,25 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.channels import ABOARD, Channel
 from koopman_lab.bus.sequence import SMALLEST_MESSAGE, peek
 from koopman_lab.config.load import parse_config
-from koopman_lab.config.schema import LabConfig, StateSet
+from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ConfigError
 from koopman_lab.units import US_PER_S
 from offboard.viewer import words
 from offboard.viewer.collected import Collected, Point
 from offboard.viewer.history import History
+from offboard.viewer.json_values import (
+    Numbers,
+    box,
+    entry_row,
+    flow_row,
+    horizon,
+    number,
+    numbers,
+    progress,
+)
 from offboard.viewer.latest import Latest
 from offboard.viewer.roll import ALIVE, FINISHED, SILENT, Entry, Roll
-from offboard.viewer.streams import Flow, Stream
+from offboard.viewer.streams import Stream
 
 ROW_S = 0.05
 """Between two rows of the plots, and two points of the trail."""
@@ -33,7 +43,6 @@ REPLAY_MEMORY_S = 3.0
 TABLES_S = 0.5
 """A person reads no faster."""
 
-Numbers = list[float | None]
 Row = Numbers
 """Time (s), x1, x2 (m), theta (rad), v measured, v wanted (m/s), omega measured, omega wanted
 (rad/s), value function, solve time (ms), x2 deviation from the goal (m)."""
@@ -150,11 +159,13 @@ class RobotView:
         entries = self.entries(now_us)
         replayed = self.replayed(now_us)
         lost_view = pose is not None and not pose.tracking_valid
-        flows, processes = self._cached_tables(now_us, entries)
+        stale = self._stale(now_us, entries)
+        flows, processes = self._cached_tables(now_us, entries, stale)
+        trouble = [self._config_trouble] if self._config_trouble else []
         return {
             "kind": self.config.robot.kind,
             "line": self._line(now_us, entries, status, mpc, sampler),
-            "banners": self._banners(now_us, entries, lost_view),
+            "banners": words.banners(entries, stale, lost_view=lost_view) + trouble,
             "replay": replayed,
             "steerable": not replayed and self.alive(now_us),
             "pose": None if pose is None else numbers(pose.x1_m, pose.x2_m, pose.theta_rad),
@@ -166,14 +177,14 @@ class RobotView:
             "speeds": None if wheels is None else numbers(wheels.v_m_per_s, wheels.omega_rad_per_s),
             "goal": None if mpc is None else numbers(*mpc.goal),
             "driving": mpc is not None and mpc.state == mpc.DRIVING,
-            "horizon": [] if mpc is None else _horizon(mpc),
+            "horizon": [] if mpc is None else horizon(mpc),
             "interval_ms": number(self.config.controller.dt_s * 1e3),
-            "sampler": None if sampler is None else _progress(sampler),
+            "sampler": None if sampler is None else progress(sampler),
             "robot": self.config.robot.model_dump(mode="json"),
             "floor": self.config.controller.goal_area.model_dump(mode="json"),
             "sets": {
-                "X0": _box(self.config.sampler.draw_set),
-                "Z": _box(self.config.sampler.admissible_set),
+                "X0": box(self.config.sampler.draw_set),
+                "Z": box(self.config.sampler.admissible_set),
             },
             "channels": flows,
             "processes": processes,
@@ -238,7 +249,7 @@ class RobotView:
         if now_us - heard_us > REPLAY_MEMORY_S * US_PER_S:
             return f"nothing heard for {(now_us - heard_us) / US_PER_S:.0f} s"
         before = "replay: " if self.replayed(now_us) else ""
-        if status is not None and (held := why_stopped_safely(status)) is not None:
+        if status is not None and (held := words.held_by(status)) is not None:
             return f"{before}stopped: {held}; it stands until it is released"
         if mpc is not None:
             return before + words.parking(mpc)
@@ -253,76 +264,22 @@ class RobotView:
         speaking = [entry.name for entry in entries if entry.state == ALIVE]
         return f"{before}the motor loop is silent; heard: {', '.join(speaking) or 'no process'}"
 
-    def _banners(self, now_us: int, entries: list[Entry], lost_view: bool) -> list[str]:
-        streams = list(self._streams.values())
-        nominal = {s.name: hz for s in streams if (hz := s.nominal_hz(self.config)) is not None}
-        ages = words.stale(streams, nominal, now_us)
-        those = [(stream, ages[stream.name]) for stream in streams if stream.name in ages]
-        trouble = [self._config_trouble] if self._config_trouble else []
-        return words.banners(entries, those, lost_view) + trouble
+    def _stale(self, now_us: int, entries: list[Entry]) -> list[tuple[Stream, float]]:
+        status = self.status(now_us)
+        at_rest = status is not None and status.state == status.REST and not status.commander
+        over = words.excused(entries, at_rest=at_rest)
+        return words.stale(list(self._streams.values()), self.config, over, now_us)
 
     def _cached_tables(
-        self, now_us: int, entries: list[Entry]
+        self, now_us: int, entries: list[Entry], stale: list[tuple[Stream, float]]
     ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
         made = self._tables
         if made is None or not 0 <= now_us - made[0] < TABLES_S * US_PER_S:
+            names = {stream.name for stream, _ in stale}
             streams = sorted(self._streams.values(), key=lambda stream: stream.name)
-            flows = [flow_row(stream.flow(now_us, self.config)) for stream in streams]
+            flows = [
+                flow_row(stream.flow(now_us, self.config)) | {"stale": stream.name in names}
+                for stream in streams
+            ]
             made = self._tables = now_us, flows, [entry_row(entry) for entry in entries]
         return made[1], made[2]
-
-
-def number(value: float | None) -> float | None:
-    """Return a number as JSON can hold it, None if it is none."""
-    if value is None or not math.isfinite(value):
-        return None
-    return float(f"{value:.6g}")
-
-
-def numbers(*values: float) -> Numbers:
-    """Return numbers as JSON can hold them."""
-    return [number(value) for value in values]
-
-
-def flow_row(flow: Flow) -> dict[str, Any]:
-    """Return how a channel flows as JSON can hold it."""
-    row = flow._asdict()
-    for key in ("rate_hz", "nominal_hz", "jitter_s", "age_s"):
-        row[key] = number(row[key])
-    return row
-
-
-def entry_row(entry: Entry) -> dict[str, Any]:
-    """Return a process as JSON can hold it."""
-    row = entry._asdict()
-    told = row.pop("told")
-    row["age_s"] = number(entry.age_s)
-    row["ended"] = "" if told is None else told.ended
-    row["log_file"] = "" if told is None else told.log_file
-    row["last_lines"] = "" if told is None else told.last_lines
-    return row
-
-
-def why_stopped_safely(status: lcmtypes.onboard_status_t) -> str | None:
-    """Return what holds the robot in words, also where the message is nonsense."""
-    if status.state in (status.ESTOP, status.FAULT):
-        return words.standing(status).removeprefix("FAULT: ").lower()
-    return None
-
-
-def _horizon(mpc: lcmtypes.mpc_state_t) -> list[Numbers]:
-    return [numbers(*p) for p in zip(mpc.predicted_x1_m, mpc.predicted_x2_m, strict=True)]
-
-
-def _progress(state: lcmtypes.sampler_state_t) -> dict[str, Any]:
-    return {
-        "phase": words.word(words.PHASES, state.phase),
-        "done": state.segments_done,
-        "total": state.segments_total,
-        "samples": state.samples,
-        "redraws": state.redraws,
-    }
-
-
-def _box(states: StateSet) -> dict[str, list[float]]:
-    return {"x1_m": list(states.x1_m), "x2_m": list(states.x2_m)}

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import lcmtypes
 from koopman_lab.bus.channels import DRIVERS
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.units import US_PER_S
 from offboard.commander import why_stopped
 from offboard.processes import died
 from offboard.viewer.roll import DIED, FINISHED, Entry
@@ -51,6 +53,13 @@ def standing(status: lcmtypes.onboard_status_t) -> str:
     return word(STATES, status.state)
 
 
+def held_by(status: lcmtypes.onboard_status_t) -> str | None:
+    """Return what holds the robot in words, also where the message is nonsense."""
+    if status.state in (status.ESTOP, status.FAULT):
+        return standing(status).removeprefix("FAULT: ").lower()
+    return None
+
+
 def sampling(state: lcmtypes.sampler_state_t) -> str:
     """Return what a calibration session does."""
     if state.phase == state.DONE:
@@ -78,31 +87,55 @@ def parking(state: lcmtypes.mpc_state_t) -> str:
     return f"parking: {doing}"
 
 
-def stale(streams: Sequence[Stream], nominal: dict[str, float], now_us: int) -> dict[str, float]:
-    """Return the age (s) of each stream that should flow and does not.
+def excused(entries: Sequence[Entry], *, at_rest: bool) -> set[str]:
+    """Return the publishers that nobody misses: their work is done, or nobody drives.
+
+    Parameters
+    ----------
+    entries
+        All processes.
+    at_rest
+        Whether the motor loop says that nobody commands the robot and that it rests.
+    """
+    over = {entry.name for entry in entries if entry.state == FINISHED}
+    commanders = {entry.name for entry in entries if entry.name in DRIVERS}
+    if at_rest:
+        over |= set(DRIVERS)
+    return over | {"commander"} if commanders <= over else over
+
+
+def stale(
+    streams: Sequence[Stream], config: LabConfig, over: Collection[str], now_us: int
+) -> list[tuple[Stream, float]]:
+    """Return each stream that should flow and does not, with its age (s).
 
     Parameters
     ----------
     streams
         All that were ever heard.
-    nominal
-        By name on the bus, the rate (Hz) of each that should flow.
+    config
+        Says how often each should speak.
+    over
+        Publishers that nobody misses.
     now_us
         Time (us).
     """
-    ages = {}
+    found = []
     for stream in streams:
-        rate_hz = nominal.get(stream.name)
-        if rate_hz is None or stream.channel is None or stream.channel.suffix in EXCHANGES:
+        rate_hz, channel = stream.nominal_hz(config), stream.channel
+        if rate_hz is None or channel is None or channel.suffix in EXCHANGES:
             continue
-        age_s = (now_us - stream.heard_us) * 1e-6
+        age_s = (now_us - stream.heard_us) / US_PER_S
+        passing = channel.publisher == "commander" or channel.publisher in DRIVERS
+        if channel.publisher in over or (passing and age_s > FORGOTTEN_S):
+            continue
         if age_s > max(PERIODS / rate_hz, SOONEST_STALE_S):
-            ages[stream.name] = age_s
-    return ages
+            found.append((stream, age_s))
+    return found
 
 
 def banners(
-    entries: Sequence[Entry], stale_streams: Sequence[tuple[Stream, float]], lost_view: bool
+    entries: Sequence[Entry], stale_streams: Sequence[tuple[Stream, float]], *, lost_view: bool
 ) -> list[str]:
     """Return what is wrong, each in one line: who died, which streams are stale.
 
@@ -111,7 +144,7 @@ def banners(
     entries
         All processes.
     stale_streams
-        Each with its age (s).
+        From :func:`stale`.
     lost_view
         Whether the cameras do not see the robot.
     """
@@ -120,16 +153,10 @@ def banners(
         for entry in entries
         if entry.state == DIED and entry.told is not None
     ]
-    over = {entry.name for entry in entries if entry.state == FINISHED}
-    commanders = {entry.name for entry in entries if entry.name in DRIVERS}
-    if commanders <= over:
-        over.add("commander")
     by_publisher: dict[str, list[tuple[Stream, float]]] = {}
     for stream, age_s in stale_streams:
-        who: str = "" if stream.channel is None else stream.channel.publisher
-        passing = who == "commander" or who in DRIVERS
-        if who and who not in over and not (passing and age_s > FORGOTTEN_S):
-            by_publisher.setdefault(who, []).append((stream, age_s))
+        who = "" if stream.channel is None else stream.channel.publisher
+        by_publisher.setdefault(who, []).append((stream, age_s))
     for publisher, those in by_publisher.items():
         names = ", ".join(sorted(stream.name for stream, _ in those))
         longest_s = max(age_s for _, age_s in those)

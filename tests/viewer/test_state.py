@@ -10,7 +10,7 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.config.load import load_config
 from koopman_lab.data.eventlog import read_events
-from offboard.viewer.robot import number
+from offboard.viewer.json_values import number
 from offboard.viewer.state import LabView
 
 REFERENCE = Path(__file__).parents[1] / "data" / "reference"
@@ -133,6 +133,18 @@ def test_a_commander_that_fell_silent_is_news_for_a_while_only():
     late = robot_of(driving, later_s=60.0)["banners"]
     assert not any("controller" in line or "commander" in line for line in late)
     assert any("from the plant" in line for line in late)
+
+
+def test_who_commanded_is_not_missed_once_the_robot_rests_and_is_free():
+    view, now_us = seen("park.lcm", until_us=3_000_000)
+    status = lcmtypes.onboard_status_t()
+    status.utime = now_us + 5_000_000
+    view.take("R1_ONBOARD_STATUS", status.encode(), status.utime)
+    robot = view.snapshot(status.utime)["R1"]
+    assert not any("controller" in line or "commander" in line for line in robot["banners"])
+    stale = {flow["name"] for flow in robot["channels"] if flow["stale"]}
+    assert "R1_MOCAP_POSE" in stale
+    assert "R1_MPC_STATE" not in stale
 
 
 def test_a_replay_is_known_by_the_times_of_its_messages():

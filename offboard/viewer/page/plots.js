@@ -9,7 +9,7 @@ const PLOTS = [
   { title: "x2 deviation from the goal", columns: [["x2", X2, "robot"]], unit: "m" },
 ];
 
-const LOG_AXIS = { grid: { show: false },
+const LOG_AXIS = { grid: { show: false }, ticks: { show: false },
   values: (chart, marks) => marks.map((mark) => (mark === null ? "" : mark.toExponential(0))) };
 
 export class Plots {

@@ -17,8 +17,7 @@ function fill(table, rows) {
 
 export function channels(table, flows) {
   fill(table, flows.map((flow) => {
-    const slow = flow.nominal_hz !== null && flow.age_s > Math.max(5 / flow.nominal_hz, 0.5);
-    return [flow.name, digits(flow.rate_hz, 1), digits(flow.nominal_hz, 1), [digits(flow.age_s), slow],
+    return [flow.name, digits(flow.rate_hz, 1), digits(flow.nominal_hz, 1), [digits(flow.age_s), flow.stale],
       [flow.lost === null ? "-" : `${flow.lost}`, flow.lost > 0], `${flow.size}`];
   }));
 }
