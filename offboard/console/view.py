@@ -84,6 +84,7 @@ def serve(config: LabConfig, host: str, port: int, lifeline_fd: int | None = Non
             server.app,
             ws="websockets-sansio",
             ws_max_size=LARGEST_FRAME,
+            ws_per_message_deflate=False,  # costs more than 5 kB on a local network
             ws_ping_interval=PING_S,
             ws_ping_timeout=PING_S,
             log_level="error",

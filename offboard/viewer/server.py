@@ -84,10 +84,14 @@ class Server:
 
     async def _work(self) -> None:
         """Empty the bus, and several times less often let everybody have a new snapshot."""
+        step_s, clock = SNAPSHOT_S / DRAINS, asyncio.get_running_loop().time
+        due_s = clock()
         while True:
             for _ in range(DRAINS):
                 self._desk.work()
-                await asyncio.sleep(SNAPSHOT_S / DRAINS)
+                # Absolute, so that work does not add up; what is late is skipped, never caught up.
+                due_s = max(due_s + step_s, clock())
+                await asyncio.sleep(due_s - clock())
             if self._clients:
                 now_us = self._desk.now_us()
                 robots = json.dumps(self._desk.view.snapshot(now_us), allow_nan=False)
