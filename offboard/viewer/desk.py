@@ -51,8 +51,7 @@ class Desk:
 
     def work(self) -> None:
         """Take everything that has arrived, and say again what is not obeyed yet."""
-        while self._ear.spin(0.0):
-            pass
+        self._ear.spin(0.0)
         now_us = self.now_us()
         if now_us < self._say_us:
             return
