@@ -407,6 +407,7 @@ class Controller(Section):
     dt_s: Positive
     horizon: Annotated[int, Field(ge=1, le=1000)]
     cost: CostName
+    predict: Literal["koopman", "nominal"]
     reprojection: bool
     solver: BackEnd
     use_compiler: bool

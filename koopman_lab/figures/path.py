@@ -37,7 +37,7 @@ class Curve(NamedTuple):
     value: NDArray[np.float64]
 
 
-def draw_paths(stem: Path, curves: Sequence[Curve]) -> None:
+def draw_paths(stem: Path, curves: Sequence[Curve], *, deviation: bool = False) -> None:
     """Write ``stem.pdf`` and ``stem.png``.
 
     Parameters
@@ -46,9 +46,12 @@ def draw_paths(stem: Path, curves: Sequence[Curve]) -> None:
         Path without ending.
     curves
         At least one.
+    deviation
+        Whether |x2| is drawn as well, as for the paper's lab runs.
     """
-    figure = new_figure(width=9.0, height=4.0)
-    plane, values = figure.subplots(1, 2)
+    panels = 3 if deviation else 2
+    figure = new_figure(width=4.5 * panels, height=4.0)
+    plane, values, *aside = figure.subplots(1, panels)
     for number, (label, time_s, poses, value) in enumerate(curves):
         color, line = f"C{number}", ("-", "--", "-.", ":")[number % 4]
         marked = np.unique(np.linspace(0, len(time_s) - 1, MARKS).round().astype(int))
@@ -66,6 +69,8 @@ def draw_paths(stem: Path, curves: Sequence[Curve]) -> None:
         )
         values.semilogy(time_s, np.maximum(value, np.finfo(float).tiny), line, color=color)
         values.semilogy(time_s[marked], value[marked], "o", color=color, markersize=4)
+        for axes in aside:
+            axes.semilogy(time_s, 1e3 * np.abs(poses[:, 1]), line, color=color)
     plane.plot(0.0, 0.0, "x", color="tab:red", markersize=10, markeredgewidth=2)
     plane.set(xlabel="$x_1$ (m)", ylabel="$x_2$ (m)", title="path, goal at the cross")
     plane.set_aspect("equal", adjustable="box")
@@ -74,4 +79,7 @@ def draw_paths(stem: Path, curves: Sequence[Curve]) -> None:
         plane.legend(fontsize="small")
     values.set(xlabel="time (s)", ylabel="value function", title="optimal cost")
     values.grid(visible=True)
+    for axes in aside:
+        axes.set(xlabel="time (s)", ylabel="$|x_2|$ (mm)", title="deviation sideways")
+        axes.grid(visible=True)
     save(figure, stem)

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import RobotKind
+from koopman_lab.config.schema import Controller, RobotKind
 from koopman_lab.geometry import ORIGIN, Pose
 from koopman_lab.koopman.dictionary import Dictionary
 from koopman_lab.koopman.model import BilinearModel
@@ -121,14 +121,16 @@ class NominalPrediction(_OfTheState):
         Which robot.
     dt_s
         Sampling time in s.
+    marker_offset
+        Pose of the tracked frame on the robot.
     """
 
     dictionary: Dictionary | None = None
 
-    def __init__(self, kind: RobotKind, dt_s: float) -> None:
+    def __init__(self, kind: RobotKind, dt_s: float, marker_offset: Pose = ORIGIN) -> None:
         self.robot_kind: RobotKind = kind
         self.dt_s = dt_s
-        self.marker_offset = ORIGIN
+        self.marker_offset = marker_offset
         self._model = nominal_model(kind)
         self.state_dim = self._model.state_dim
         self.parameters = np.array([dt_s])
@@ -208,12 +210,21 @@ class LiftedPrediction:
         return cost(self.state(s), u, weights)
 
 
-def load_prediction(path: Path) -> KoopmanPrediction:
-    """Return the prediction model in a model file.
+def prediction_of(
+    model: BilinearModel, settings: Controller
+) -> KoopmanPrediction | NominalPrediction:
+    """Return what a controller predicts with: the model, or the nominal equations in its place."""
+    if settings.predict == "nominal":
+        return NominalPrediction(model.robot_kind, settings.dt_s, model.marker_offset)
+    return KoopmanPrediction(model)
+
+
+def load_prediction(path: Path, settings: Controller) -> KoopmanPrediction | NominalPrediction:
+    """Return what a controller predicts with, from a model file; see :func:`prediction_of`.
 
     Raises
     ------
     ModelError
         If the file is missing or damaged.
     """
-    return KoopmanPrediction(BilinearModel.load(path))
+    return prediction_of(BilinearModel.load(path), settings)

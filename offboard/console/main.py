@@ -9,6 +9,7 @@ import typer
 from koopman_lab.errors import LabError
 from offboard.console import bench, dataset, figure, log, model, run, study
 from offboard.console.calibrate import calibrate
+from offboard.console.compare import compare
 from offboard.console.demo import demo
 from offboard.console.doctor import doctor
 from offboard.console.estop import estop
@@ -38,8 +39,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 COMMANDS = (
-    *(demo, up, status, down, view, topics, calibrate, train, park, simulate, reference, validate),
-    *(replay, rerun, goal, estop, fault, doctor),
+    *(demo, up, status, down, view, topics, calibrate, train, park, compare, simulate, reference),
+    *(validate, replay, rerun, goal, estop, fault, doctor),
 )
 for command in COMMANDS:
     app.command()(command)

@@ -31,6 +31,7 @@ def outcome_facts(node: ControllerNode, missed_deadlines: int) -> dict[str, Any]
         "pauses": [pause._asdict() for pause in outcome.pauses],
         "solver": node.solver,
         "solve_ms": outcome.solve_ms,
+        "pose_age_ms": outcome.pose_age_ms,
         "missed_deadlines": missed_deadlines,
         "trajectory": rows,
     }
@@ -54,8 +55,6 @@ def write_park(folder: RunFolder, config: LabConfig, facts: dict[str, Any]) -> d
         values = np.array(rows)
         curve = Curve("", values[:, 0], values[:, 1:4], values[:, -1])
         draw_paths(folder.path / "path", [curve])
-    solve_ms = facts["solve_ms"]
-    p50, p99, largest = np.percentile(solve_ms, [50, 99, 100]).tolist() if solve_ms else [None] * 3
     summary = {
         "what": "park",
         "parked": facts["parked"],
@@ -68,7 +67,8 @@ def write_park(folder: RunFolder, config: LabConfig, facts: dict[str, Any]) -> d
         "pauses": facts["pauses"],
         "steps": len(rows),
         "solver": facts["solver"],
-        "solve_ms": {"p50": p50, "p99": p99, "max": largest},
+        "solve_ms": _spread(facts["solve_ms"]),
+        "pose_age_ms": _spread(facts["pose_age_ms"]),
         "missed_deadlines": facts["missed_deadlines"],
         "mocap_messages_lost": log.channels[MOCAP_POSE.name(config.robot.name)].lost,
         "clock_error_s": log.clock_error_s(),
@@ -76,3 +76,8 @@ def write_park(folder: RunFolder, config: LabConfig, facts: dict[str, Any]) -> d
     }
     folder.write_summary(config, summary)
     return summary
+
+
+def _spread(values: list[float]) -> dict[str, float | None]:
+    found = np.percentile(values, [50, 99, 100]).tolist() if values else [None] * 3
+    return dict(zip(("p50", "p99", "max"), found, strict=True))

@@ -57,7 +57,7 @@ def park(
     Example: klab park --model runs/model.npz --start -1.1 -0.53 -42.68 --lockstep
     """
     from koopman_lab.koopman.model import BilinearModel
-    from koopman_lab.mpc.prediction import KoopmanPrediction
+    from koopman_lab.mpc.prediction import prediction_of
     from koopman_lab.mpc.receding_horizon import receding_horizon
     from offboard.console.watch import ear
     from offboard.controller.goal import require_reachable
@@ -72,7 +72,7 @@ def park(
     lab = options.resolve(config, wanted, kind, preset, seed, url, robot_name=robot_name)
     loaded.require_robot(lab.robot.kind)
     # Made once for what it refuses, before anything is started or written.
-    receding_horizon(KoopmanPrediction(loaded), lab)
+    receding_horizon(prediction_of(loaded, lab.controller), lab)
     require_reachable(options.pose_of(goal), lab.controller)
     listener = ear(lab, lockstep=lockstep)
     folder = new_folder(out, "park", lab)

@@ -37,7 +37,11 @@ class LoopDelay:
         """Take the time from the beginning of a step until its command was sent (s)."""
         self._solves_s.append(solve_s)
 
+    @property
+    def after_sending_s(self) -> float:
+        """From the sending of a command until it acts (s)."""
+        return self._one_way_s + self._half_tick_s
+
     def estimate_s(self) -> float:
         """Return the delay to expect of the next command (s)."""
-        solve_s = median(self._solves_s) if self._solves_s else 0.0
-        return solve_s + self._one_way_s + self._half_tick_s
+        return (median(self._solves_s) if self._solves_s else 0.0) + self.after_sending_s

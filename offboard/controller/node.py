@@ -54,7 +54,7 @@ class ControllerNode:
         goal: Pose = ORIGIN,
         back_end: BackEnd | None = None,
     ) -> None:
-        prediction = load_prediction(model) if isinstance(model, Path) else model
+        prediction = load_prediction(model, config.controller) if isinstance(model, Path) else model
         optimiser = receding_horizon(prediction, config, back_end)
         self.controller = Controller(config, optimiser, goal)
         self.marker_offset = prediction.marker_offset
@@ -63,6 +63,8 @@ class ControllerNode:
         self.solver = optimiser.solver
         """What solves, in words for a person."""
         self.solve_ms: list[float] = []
+        self.pose_age_ms: list[float] = []
+        """Of the newest measured pose when the command acts, by driving step."""
         self.trajectory: list[TrajectoryPoint] = []
         self._config = config
         self._port: Port | None = None
@@ -97,6 +99,7 @@ class ControllerNode:
             self.controller.pose(),
             self.controller.duration_s(now_us),
             list(self.solve_ms),
+            list(self.pose_age_ms),
             len(self.trajectory),
             list(self.controller.pauses),
             self.controller.goal,
@@ -147,6 +150,8 @@ class ControllerNode:
             self._commands.rest(sent_us)
         if outputs.state is State.DRIVING:
             self.solve_ms.append(solve_ms)
+            age_us = sent_us - (outputs.pose_utime or sent_us)
+            self.pose_age_ms.append(age_us * 1e-3 + self._delay.after_sending_s * 1e3)
             state = tuple(map(float, outputs.state_in_goal_frame))
             self.trajectory.append(TrajectoryPoint(sent_us, state, outputs.u, outputs.value))
         self._delay.took((sent_us - now_us) / US_PER_S)

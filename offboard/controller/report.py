@@ -42,6 +42,8 @@ class ParkOutcome:
         From the first driving step to the end of the drive.
     solve_ms
         Wall time of each driving step.
+    pose_age_ms
+        Age of the newest measured pose when the command of each driving step acts.
     steps
         Number of driving steps.
     pauses
@@ -56,6 +58,7 @@ class ParkOutcome:
     final_pose: Pose | None
     duration_s: float
     solve_ms: list[float]
+    pose_age_ms: list[float]
     steps: int
     pauses: list[Pause]
     goal: Pose

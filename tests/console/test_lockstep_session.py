@@ -106,6 +106,8 @@ def test_parking_ends_within_the_bounds_and_leaves_everything(model, tmp_path):
     assert abs(theta) <= np.radians(5.0)
     assert summary["parked"] is True
     assert set(summary["solve_ms"]) == {"p50", "p99", "max"}
+    # In lockstep: latency of the cameras, a frame at most, the radio, and half a tick.
+    assert 5.0 < summary["pose_age_ms"]["p50"] <= summary["pose_age_ms"]["max"] < 30.0
     assert summary["missed_deadlines"] == summary["mocap_messages_lost"] == 0
     assert 0.0 < summary["duration_s"] < 25.0
     files = {"session.lcm", "config.yaml", "summary.json", "trajectory.csv"}

@@ -12,6 +12,7 @@ def test_it_is_made_of_solve_radio_and_tick():
     delay.saw_round_trip(6_000)
     delay.took(0.012)
     assert delay.estimate_s() == pytest.approx(0.005 + 0.003 + 0.012)
+    assert delay.after_sending_s == pytest.approx(0.005 + 0.003)
 
 
 def test_one_stall_moves_nothing():

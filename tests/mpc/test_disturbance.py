@@ -15,6 +15,7 @@ from koopman_lab.studies.closed_loop import closed_loop
 
 ON = "controller.offset_free.enabled=true"
 HORIZON = "controller.horizon=20"
+SECONDS = 8.0
 DRIFT_M = 5e-4
 """Per step; what the wrong model believes of a robot at rest."""
 
@@ -33,13 +34,13 @@ def drifting(config):
     return KoopmanPrediction(BilinearModel(observables, np.array(matrices), inputs, dt_s, {}))
 
 
-@pytest.mark.parametrize("solver", ["ddp", "fatrop", "ipopt"])
+@pytest.mark.parametrize("solver", ["ddp", "fatrop"])
 def test_a_drift_that_is_not_there_no_longer_holds_the_robot_beside_the_goal(solver):
     overrides = [HORIZON, f"controller.solver={solver}", "controller.offset_free.time_constant_s=1"]
     x0, ends = np.array([-0.05, 0.0, 0.0, 0.0, 0.0]), {}
     for extra in ([], [ON]):
         config = load_config(robot="dynamic", overrides=[*overrides, *extra])
-        run = closed_loop(config, drifting(config), x0, 10.0)
+        run = closed_loop(config, drifting(config), x0, SECONDS)
         ends[bool(extra)] = abs(run.states[-1, 0])
     assert ends[False] > 5e-3
     assert ends[True] < 0.2 * ends[False]

@@ -22,6 +22,7 @@ from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.robot.models import nominal_model
 
+CONTROLLER = load_config(robot="kinematic").controller
 ANGLE = st.floats(-9.0, 9.0)
 SPEED = st.floats(-0.5, 0.5)
 
@@ -83,10 +84,12 @@ def test_without_reprojection_the_observables_are_propagated_as_they_are(name):
 
 def test_a_model_file_becomes_a_prediction(tmp_path):
     exact_d5t().save(tmp_path / "model.npz")
-    prediction = load_prediction(tmp_path / "model.npz")
+    prediction = load_prediction(tmp_path / "model.npz", CONTROLLER)
     assert (prediction.robot_kind, prediction.state_dim, prediction.dt_s) == ("kinematic", 3, 0.05)
+    nominal = CONTROLLER.model_copy(update={"predict": "nominal"})
+    assert isinstance(load_prediction(tmp_path / "model.npz", nominal), NominalPrediction)
     with pytest.raises(ModelError, match=r"absent\.npz"):
-        load_prediction(tmp_path / "absent.npz")
+        load_prediction(tmp_path / "absent.npz", CONTROLLER)
 
 
 @pytest.mark.parametrize("reprojection", ["true", "false"])
