@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from koopman_lab.config.schema import LabConfig
 
 HOST, PORT = "127.0.0.1", 8765
+EVERYWHERE = ("0.0.0.0", "::")
 PING_S = 20.0
 """A client that answers no ping for so long is gone."""
 INTERRUPTED = 130
@@ -74,7 +75,7 @@ def serve(config: LabConfig, host: str, port: int, lifeline_fd: int | None = Non
     token = None if host in LOOPBACK else secrets.token_urlsafe(16)
     listening = _listen(host, port)
     desk = Desk(config)
-    address = f"http://{host}:{listening.getsockname()[1]}/"
+    address = f"http://{_shown(host)}:{listening.getsockname()[1]}/"
     if token is not None:
         address += f"?token={token}"
 
@@ -103,6 +104,13 @@ def serve(config: LabConfig, host: str, port: int, lifeline_fd: int | None = Non
         asyncio.run(run())
     except KeyboardInterrupt:
         raise typer.Exit(INTERRUPTED) from None
+
+
+def _shown(host: str) -> str:
+    """Return how a browser is to name the host."""
+    if host in EVERYWHERE:
+        return socket.gethostname()
+    return f"[{host}]" if ":" in host else host
 
 
 def _listen(host: str, port: int) -> socket.socket:

@@ -66,6 +66,10 @@ def test_a_phone_shows_everything_in_reach(browser, lab, scheme):
     expect(page.locator("#line")).to_contain_text("R1: ", timeout=PATIENCE_MS)
     expect(page.locator("#stop")).to_be_in_viewport()
     assert page.evaluate("document.documentElement.scrollWidth") <= phone["width"]
+    drag = page.locator("#drag")
+    before = drag.is_checked()
+    drag.press("Enter")
+    assert drag.is_checked() is not before
     # Whatever can be pressed has a name and is large enough for a finger.
     for control in page.locator("button:visible").all():
         assert re.search(r"\w", control.inner_text())

@@ -101,6 +101,12 @@ const drag = get("drag");
 drag.checked = matchMedia("(pointer: fine)").matches; // on a touch screen a finger scrolls first
 drag.addEventListener("change", () => { floor.draggable = drag.checked; });
 floor.draggable = drag.checked;
+// As the space bar stops, Enter ticks the box; it must not send the form's goal.
+drag.addEventListener("keydown", (event) => {
+  if (event.key !== "Enter") return;
+  event.preventDefault();
+  drag.click();
+});
 
 // The space bar stops, whatever has the focus; buttons are pressed with Enter.
 for (const kind of ["keydown", "keyup"]) {
