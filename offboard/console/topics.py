@@ -109,7 +109,10 @@ def _table(flows: list[Flow]) -> Table:
     table = Table()
     columns = ("channel", "rate (Hz)", "nominal", "jitter (ms)", "lost", "bytes", "age (s)")
     for column in columns:
-        table.add_column(column, justify="left" if column == "channel" else "right")
+        table.add_column(column, justify="right")
+    # Names are what a person copies; on a narrow terminal numbers give way.
+    table.columns[0].justify = "left"
+    table.columns[0].min_width = max((len(flow.name) for flow in flows), default=0)
     for flow in flows:
         table.add_row(
             flow.name,
