@@ -5,8 +5,9 @@ from __future__ import annotations
 from enum import IntEnum
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry import REST, Velocity, wheel_speeds
-from onboard.motor_loop.health import LEFT, RIGHT, Fault, Health
+from koopman_lab.geometry import REST, Velocity, body_velocity, wheel_speeds
+from koopman_lab.units import US_PER_S
+from onboard.motor_loop.health import LEFT, OLDEST_US, RIGHT, Fault, Health
 from onboard.motor_loop.hold import Command, Hold, Intent, Refusal
 from onboard.motor_loop.odometry import Odometry
 from onboard.motor_loop.pid import WheelController
@@ -35,8 +36,9 @@ class MotorLoop:
     When the commander that holds the robot falls silent, the loop ramps to rest within the
     acceleration limits and stays there until a command begins a new sequence. The emergency stop
     and any fault set the motors to zero in the next tick and hold until they are released; only
-    silent encoders release themselves when they are heard again. All times are int64 microseconds
-    of the onboard clock, which never steps.
+    silent encoders release themselves when they are heard again. A loop that was itself kept from
+    running, longer than the watchdog waits, takes the robot as it finds it and brings it to rest.
+    All times are int64 microseconds of the onboard clock, which never steps.
     """
 
     def __init__(self, config: LabConfig) -> None:
@@ -56,6 +58,8 @@ class MotorLoop:
         self._target = REST
         self._releasing = False
         self._encoder_us: int | None = None
+        self._ticked_us: int | None = None
+        self._longest_pause_us = round(loop.watchdog_s * US_PER_S)
         self._duties = NO_DUTY
         self._health = Health(loop.health)
         self._wheels = (WheelController(loop.pid), WheelController(loop.pid))
@@ -108,6 +112,9 @@ class MotorLoop:
             return NO_DUTY
         newest = self.odometry.newest()
         measured = (0.0, 0.0) if newest is None else (newest.left, newest.right)
+        before_us, self._ticked_us = self._ticked_us, now_us
+        if before_us is not None and now_us - before_us > self._longest_pause_us:
+            self._wake(measured if age_us is not None and age_us <= OLDEST_US else NO_DUTY)
         self.fault = self._health.check(now_us, self.battery_v, age_us, self._duties, measured)
         if self.fault:
             self._stand(State.FAULT)
@@ -115,6 +122,20 @@ class MotorLoop:
         self._move_setpoint(now_us)
         self._duties = self._control(measured)
         return self._duties
+
+    def _wake(self, measured: Duties) -> None:
+        """Go on after a pause of the loop itself, in which the motors' drivers have let go."""
+        left, right = measured
+        self._duties = NO_DUTY
+        self._health.reset()
+        for wheel in self._wheels:
+            wheel.reset()
+        if self.setpoint != REST or self.state is State.DRIVING:
+            found = Velocity(*body_velocity(left, right, self._wheel_radius_m, self._track_width_m))
+            self.setpoint = saturate(found, self._limits)
+            self.hold.lose()
+            self._releasing = False
+            self.state = State.WATCHDOG
 
     def _move_setpoint(self, now_us: int) -> None:
         driving = self.state is State.DRIVING

@@ -37,6 +37,15 @@ class Bench:
         self.plant.drive(*self.loop.tick(self.now_us))
         self.now_us += TICK_US
 
+    def sleep(self, seconds, *, stands):
+        """Keep the loop from running; the motors' drivers let go at once, or not at all."""
+        if stands:
+            self.plant.drive(0.0, 0.0)
+        for _ in range(round(seconds * 100)):
+            self.plant.advance(self.now_us)
+            self.loop.encoder(self.now_us, *self.plant.encoder_counts(), self.battery_v)
+            self.now_us += TICK_US
+
     def command(self, u, commander=SAMPLER, **changes):
         fields = {"utime": self.now_us, "sequence": self.sequence, "commander": commander}
         fields |= {"intent": Intent.BEGIN, "u1": u[0], "u2": u[1]} | changes
@@ -107,6 +116,24 @@ def test_a_silent_commander_ends_in_rest_and_must_begin_again(kinematic):
     assert kinematic.command((0.1, 0.0), intent=Intent.CONTINUE) == "order"
     assert kinematic.command((0.1, 0.0), CONTROLLER, sequence=0) is None
     assert kinematic.loop.state is State.DRIVING
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_loop_that_was_kept_from_running_does_not_go_on_where_it_was(kinematic, stands):
+    """The robot of 600 ms ago is another one: its wheels stand, or roll down a slope."""
+    kinematic.drive((0.3, 0.0), 1.0)
+    speed = kinematic.plant.body_velocity()[0]
+    loop = kinematic.loop
+    kinematic.sleep(0.6, stands=stands)
+    duties = loop.tick(kinematic.now_us)
+    assert loop.state is State.WATCHDOG
+    assert loop.setpoint.v == pytest.approx(0.0 if stands else speed, abs=0.03)
+    assert max(map(abs, duties)) < (0.05 if stands else 0.5)
+    for _ in range(100):
+        kinematic.tick()
+        assert not loop.fault
+    assert loop.setpoint == REST
+    assert kinematic.command((0.1, 0.0), CONTROLLER, sequence=0) is None
 
 
 def test_releasing_brings_the_robot_to_rest_and_frees_it(dynamic):
