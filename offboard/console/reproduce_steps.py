@@ -56,7 +56,7 @@ def steps(size: Size, seed: int) -> list[Step]:
     seed
         Of the sessions, the lab runs and the starts.
     """
-    return [*_kinematic(seed), *_dynamic(size, seed), *_studies(size, seed)]
+    return [*_kinematic(seed), *_dynamic(size, seed)]
 
 
 def _step(name: str, *words: str | int, resumable: bool = False, parallel: bool = False) -> Step:
@@ -158,7 +158,3 @@ def _dynamic(size: Size, seed: int) -> list[Step]:
             *("--out", "needed/needed"),
         ),
     ]
-
-
-def _studies(size: Size, seed: int) -> list[Step]:
-    return []

@@ -1,5 +1,6 @@
 """`klab reproduce`: its steps, and the runner that keeps what is done."""
 
+import contextlib
 import json
 import signal
 import subprocess
@@ -7,25 +8,21 @@ import sys
 
 import pytest
 import typer
-from klab import REFERENCE, klab
+from klab import klab
 
 from koopman_lab.errors import LabStateError
-from koopman_lab.paper.claim import judge
-from koopman_lab.paper.claims import CLAIMS, SETTINGS
-from koopman_lab.paper.found import Found
-from koopman_lab.paper.pictures import PICTURES, STUDIES
 from offboard.console import steps as runner
 from offboard.console.main import app
 from offboard.console.reproduce_steps import FULL, QUICK, steps
 from offboard.console.steps import MARKER, Step, finished, run
 
-TRAIN = Step("model", ("train", str(REFERENCE / "calibration.lcm"), "--out", "model/model.npz"))
-LIMIT_S = 60.0
+SMALL = ("--set", "controller.horizon=5", "--duration")
+FIRST = Step("first", ("simulate", *SMALL, "1", "--out", "first"))
 
 
 def simulation(duration_s):
-    asked = ("--set", "controller.horizon=5", "--duration", str(duration_s))
-    return Step("path", ("simulate", "--model", "model/model.npz", *asked, "--out", "path"))
+    asked = ("--config", "first/config.yaml", *SMALL, str(duration_s))
+    return Step("path", ("simulate", *asked, "--out", "path"))
 
 
 def nothing(_line):
@@ -36,10 +33,11 @@ def nothing(_line):
 def test_each_step_is_a_command_line_that_needs_only_steps_before_it(size):
     listed = steps(size, seed=1)
     names = [step.name for step in listed]
+    klab_command = typer.main.get_command(app)
     assert len(set(names)) == len(names)
     for number, step in enumerate(listed):
         assert step.needs(listed) <= set(names[:number])
-        command, rest = typer.main.get_command(app), list(step.arguments)
+        command, rest = klab_command, list(step.arguments)
         while hasattr(command, "commands"):
             command = command.commands[rest.pop(0)]
         # What the runner may add is parsed, too.
@@ -50,20 +48,11 @@ def test_each_step_is_a_command_line_that_needs_only_steps_before_it(size):
         assert step.arguments[step.arguments.index("--out") + 1].split("/")[0] == step.name
 
 
-def test_claims_and_figures_are_of_steps_that_there_are(tmp_path):
-    names = {step.name for step in steps(QUICK, seed=1)}
-    found = Found(tmp_path)
-    for claim in (*CLAIMS, *SETTINGS):
-        assert set(judge(claim, found).steps) <= names
-    assert {picture.step for picture in PICTURES} <= names
-    assert set(STUDIES) <= names
-
-
 def test_a_killed_run_leaves_no_process_and_goes_on_with_the_step_it_was_in(tmp_path):
     script = (
         "import sys; from pathlib import Path\n"
         "from offboard.console.steps import Step, run\n"
-        f"steps = [{TRAIN!r}, {simulation(1e6)!r}]\n"
+        f"steps = [{FIRST!r}, {simulation(1e6)!r}]\n"
         f"run(Path({str(tmp_path)!r}), steps, 1, lambda line: print(line, flush=True))\n"
     )
     with subprocess.Popen(
@@ -74,31 +63,32 @@ def test_a_killed_run_leaves_no_process_and_goes_on_with_the_step_it_was_in(tmp_
             if line.startswith("path:"):
                 break
         while not (tmp_path / "path" / "config.yaml").exists():
-            assert process.poll() is None
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                pytest.fail(f"ended by itself: {process.wait(0.05)}")
         process.send_signal(signal.SIGKILL)
-    begun = [TRAIN, simulation(1e6)]
-    assert set(finished(tmp_path, begun)) == {"model"}
+    begun = [FIRST, simulation(1e6)]
+    assert set(finished(tmp_path, begun)) == {"first"}
     # The lock is held by whoever still works in the folder, the killed run's steps included.
     with runner._locked(tmp_path):
         pass
-    before = (tmp_path / "model" / MARKER).stat()
+    before = (tmp_path / "first" / MARKER).stat()
     said: list[str] = []
-    made = run(tmp_path, [TRAIN, simulation(1)], 1, said.append)
+    made = run(tmp_path, [FIRST, simulation(1)], 1, said.append)
     assert said[0] == "1 of 2 steps are done already"
-    assert not any(line.startswith("model:") for line in said)
-    assert (tmp_path / "model" / MARKER).stat() == before
-    assert list(made) == ["model", "path"]
-    assert made["path"].command.startswith("klab simulate --model model/model.npz")
+    assert not any(line.startswith("first:") for line in said)
+    assert (tmp_path / "first" / MARKER).stat() == before
+    assert list(made) == ["first", "path"]
+    assert made["path"].command.startswith("klab simulate --config first/config.yaml")
     assert (tmp_path / "path" / "summary.json").exists()
     marker = json.loads((tmp_path / "path" / MARKER).read_text())
     assert marker["arguments"] == list(simulation(1).arguments)
 
 
 def test_a_step_that_fails_stops_the_run_with_one_message_that_names_its_log(tmp_path):
-    wrong = Step("model", ("train", "nowhere", "--out", "model/model.npz"))
-    with pytest.raises(LabStateError, match="step model failed") as caught:
+    wrong = Step("first", ("train", "nowhere", "--out", "first/model.npz"))
+    with pytest.raises(LabStateError, match="step first failed") as caught:
         run(tmp_path, [wrong, simulation(1)], 2, nothing)
-    log = tmp_path / "logs" / "model.txt"
+    log = tmp_path / "logs" / "first.txt"
     assert str(log) in str(caught.value)
     assert "nowhere" in str(caught.value)
     assert "nowhere" in log.read_text()
@@ -115,17 +105,17 @@ def mark(folder, *steps):
 
 
 def test_what_is_made_of_something_that_runs_again_runs_again(tmp_path):
-    mark(tmp_path, TRAIN, simulation(1))
-    assert set(finished(tmp_path, [TRAIN, simulation(1)])) == {"model", "path"}
+    mark(tmp_path, FIRST, simulation(1))
+    assert set(finished(tmp_path, [FIRST, simulation(1)])) == {"first", "path"}
     # A command with other arguments than the one that was run is another one.
-    assert set(finished(tmp_path, [TRAIN, simulation(2)])) == {"model"}
-    (tmp_path / "model" / MARKER).unlink()
-    assert not finished(tmp_path, [TRAIN, simulation(1)])
+    assert set(finished(tmp_path, [FIRST, simulation(2)])) == {"first"}
+    (tmp_path / "first" / MARKER).unlink()
+    assert not finished(tmp_path, [FIRST, simulation(1)])
 
 
 def test_nothing_runs_when_all_is_done(tmp_path):
-    mark(tmp_path, TRAIN)
-    assert run(tmp_path, [TRAIN], 1, nothing)["model"].seconds == 1.0
+    mark(tmp_path, FIRST)
+    assert run(tmp_path, [FIRST], 1, nothing)["first"].seconds == 1.0
     assert not (tmp_path / "logs").exists()
 
 
