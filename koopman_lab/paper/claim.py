@@ -52,13 +52,14 @@ class Claim:
 class Judged:
     """A claim with its verdict.
 
-    ``numbers`` are ours in words, a line each; ``rules`` what it takes to hold; ``steps`` where
-    the numbers were read.
+    ``numbers`` are ours in words, a line each; ``weakest`` is the one that decided; ``rules`` what
+    it takes to hold; ``steps`` where the numbers were read.
     """
 
     claim: Claim
     verdict: Verdict
     numbers: Sequence[str]
+    weakest: str
     rules: Sequence[str]
     steps: Sequence[str]
 
@@ -83,4 +84,6 @@ def judge(claim: Claim, found: Found) -> Judged:
         words = list(rules)
     else:
         words = [f"{', '.join(names)}: {rule}" for rule, names in rules.items()]
-    return Judged(claim, worst(verdicts), numbers, words, tuple(found.asked))
+    verdict = worst(verdicts)
+    weakest = numbers[verdicts.index(verdict)]
+    return Judged(claim, verdict, numbers, weakest, words, tuple(found.asked))

@@ -74,6 +74,11 @@ def runs(study: str, case: str) -> Measure:
     return lambda found: float(len(found.ends_mm(study, case)))
 
 
+def scaled(factor: float, measure: Measure) -> Measure:
+    """Measure a number in another unit."""
+    return lambda found: factor * measure(found)
+
+
 def ratio(above: Measure, below: Measure) -> Measure:
     """Measure how many times one number is the other."""
 
@@ -160,12 +165,21 @@ def mean_ahead(step: str, name: str, model: str, steps: int) -> Measure:
     return of
 
 
-def off_path_m(step: str, shape: str, model: str) -> Measure:
-    """Measure how far a whole run's open-loop prediction gets from the averaged runs, in m."""
+def most_steps(step: str) -> Measure:
+    """Measure how many steps the table of `klab figure multistep` looks ahead."""
+    return lambda found: float(found.column(step, f"{step}.csv", "steps").max())
+
+
+def off_path_m(step: str, shape: str, model: str, *, until: float = 1.0) -> Measure:
+    """Measure how far the open-loop prediction of a run gets from the averaged runs, in m.
+
+    Up to a share ``until`` of the run's time.
+    """
 
     def of(found: Found) -> float:
         predicted_path, driven = (_path(found, step, shape, who) for who in (model, "driven"))
-        return float(np.linalg.norm(predicted_path - driven, axis=1).max())
+        apart = np.linalg.norm(predicted_path - driven, axis=1)
+        return float(apart[: max(1, round(until * len(apart)))].max())
 
     return of
 

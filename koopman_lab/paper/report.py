@@ -26,18 +26,32 @@ README_FIGURES = "scripts/results"
 """Where the repository keeps these figures."""
 SMALLER = 2
 """By which figures of the README are smaller than those of the report."""
+FEW = 3
+"""So many numbers of a claim fit into the README."""
 TITLE = "Data-driven predictive control of nonholonomic robots: the paper's claims"
 
 
 class Facts(NamedTuple):
     """What was reproduced.
 
-    ``size`` says in words how much was run, ``steps`` by name how each was made.
+    ``size`` says in words how much was run, ``seed`` is that of all draws, ``steps`` by name how
+    each was made.
     """
 
     quick: bool
     size: str
+    seed: int
     steps: Mapping[str, Made]
+
+    @property
+    def words(self) -> str:
+        """Return how much was run, with what, and how long it took."""
+        minutes = sum(made.seconds for made in self.steps.values()) / 60.0
+        versions = "; ".join(dict.fromkeys(made.version for made in self.steps.values()))
+        return (
+            f"{self.size} Seed {self.seed}; version {versions}; the steps took {minutes:.0f} min "
+            "together."
+        )
 
 
 def write_report(
@@ -81,7 +95,7 @@ def _page(
         "Does Not Replace Geometry. What it says in sections 4 to 6, beside what the commands "
         "below found; the lab of the paper is stood in for by a simulated one."
     )
-    yield Text(f"{'QUICK RUN. ' if facts.quick else ''}{facts.size}")
+    yield Text(f"{'QUICK RUN. ' if facts.quick else ''}{facts.words}")
     if facts.quick:
         yield Text(
             "All verdicts are of this quick run; they may change with the numbers of the paper."
@@ -135,10 +149,10 @@ def _page(
     for study in STUDIES:
         if study in facts.steps:
             yield Heading(3, study)
+            yield Code([facts.steps[study].command])
             yield _table_of(folder / study / "table.csv")
     yield Heading(2, "Steps")
-    total_s = sum(made.seconds for made in facts.steps.values())
-    yield Text(f"In the folder of this report, in this order; {total_s / 60:.0f} min in all.")
+    yield Text("In the folder of this report, in this order.")
     yield Table(
         ("step", "command", "s", "version"),
         [
@@ -150,6 +164,13 @@ def _page(
 
 def _verdict(judged: Judged, facts: Facts) -> str:
     return f"{judged.verdict.value}{' (quick run)' if facts.quick else ''}"
+
+
+def _briefly(judged: Judged) -> str:
+    """Return all numbers where they are few, else the one that decided."""
+    if len(judged.numbers) <= FEW:
+        return "\n".join(judged.numbers)
+    return f"the weakest of {len(judged.numbers)} is {judged.weakest}"
 
 
 def _caption(picture: Picture) -> str:
@@ -174,7 +195,10 @@ def _short(cell: str) -> str:
 
 def _write_readme(folder: Path, facts: Facts, claims: Sequence[Judged]) -> None:
     page: list[Block] = [
-        Text(f"{'A quick run. ' if facts.quick else ''}{facts.size} {tally(claims)}."),
+        Text(
+            f"{'A quick run. ' if facts.quick else ''}{facts.words} {len(claims)} claims: "
+            f"{tally(claims)}."
+        ),
         Table(
             ("section", "claim", "paper", "here", "verdict"),
             [
@@ -182,7 +206,7 @@ def _write_readme(folder: Path, facts: Facts, claims: Sequence[Judged]) -> None:
                     j.claim.section,
                     j.claim.says,
                     j.claim.paper,
-                    "\n".join(j.numbers),
+                    _briefly(j),
                     _verdict(j, facts),
                 )
                 for j in claims

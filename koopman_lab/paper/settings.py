@@ -217,6 +217,13 @@ SETTINGS = (
         ("square", "", 20.0, of.fact("square", "runs")),
     ),
     _same(
+        "steps-ahead",
+        "5.3",
+        "How far ahead multi-step errors look",
+        "20 steps, 1 s",
+        ("steps", "", 20.0, of.most_steps("multistep")),
+    ),
+    _same(
         "dynamic-horizon",
         "5.4",
         "Horizon of the controllers of the second-order robot",
@@ -264,6 +271,24 @@ SETTINGS = (
         "Over which the wheels' speeds are averaged",
         "50 ms",
         ("window", "s", 0.05, of.setting("dynamic-lab", "motor_loop", "wheel_state_window_s")),
+    ),
+    _same(
+        "efficiency-time",
+        "6",
+        "The least time that so few samples take",
+        "10 samples 1 s, 100 samples 5 s",
+        (
+            "kinematic, 10 samples",
+            "s",
+            1.0,
+            of.scaled(10.0, of.setting("simulation-models", "controller", "dt_s")),
+        ),
+        (
+            "second-order, 100 samples",
+            "s",
+            5.0,
+            of.scaled(100.0, of.setting("dynamic-session", "processing", "dt_s")),
+        ),
     ),
     _same(
         "efficiency-starts",

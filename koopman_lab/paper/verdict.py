@@ -104,6 +104,8 @@ class Same:
         return f"equal to {number(self.number, unit)}"
 
 
+LARGE, HUGE = 1e3, 1e7
+"""Numbers between them are written whole."""
 ORDER = (Verdict.NOT, Verdict.UNKNOWN, Verdict.WEAKER, Verdict.HOLDS)
 
 
@@ -116,9 +118,8 @@ def number(value: float, unit: str) -> str:
     """Return a number with its unit for a person to read; shares as percent."""
     if unit == "share":
         return f"{100 * value:.3g} %"
-    # Counts are printed whole.
-    whole = value.is_integer() and abs(value) < 1e9
-    text = f"{value:.0f}" if whole else f"{value:.3g}"
+    whole = value.is_integer() or abs(value) >= LARGE
+    text = f"{value:.0f}" if whole and abs(value) < HUGE else f"{value:.3g}"
     return f"{text} {unit}".rstrip()
 
 

@@ -60,7 +60,7 @@ def reproduce(
     found = Found(place)
     judged = [judge(claim, found) for claim in CLAIMS]
     settings = [judge(setting, found) for setting in SETTINGS]
-    write_report(place, Facts(quick, size.words, made), judged, settings)
+    write_report(place, Facts(quick, size.words, seed, made), judged, settings)
     _show(judged)
     err.print(f"report: {place / 'report.html'} and report.md", markup=False)
 

@@ -70,7 +70,9 @@ def test_quadratic_costs_fail_in_most_cases_each_of_them(tmp_path, ce_mm, verdic
         "ce-reprojected": ce_mm
     }
     leave_study(tmp_path / "kinematic-parking", ends)
-    assert judge(BY_NAME["kinematic-quadratic-fail"], Found(tmp_path)).verdict is verdict
+    judged = judge(BY_NAME["kinematic-quadratic-fail"], Found(tmp_path))
+    assert judged.verdict is verdict
+    assert judged.weakest.startswith("ce-reprojected")
 
 
 @pytest.mark.parametrize(

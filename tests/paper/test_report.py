@@ -32,7 +32,7 @@ def folder(tmp_path_factory):
     found = Found(place)
     claims = [judge(claim, found) for claim in CLAIMS]
     settings = [judge(setting, found) for setting in SETTINGS]
-    write_report(place, Facts(True, "40 random starts.", made), claims, settings)
+    write_report(place, Facts(True, "40 random starts.", 7, made), claims, settings)
     return place
 
 
@@ -60,7 +60,7 @@ def test_every_claim_with_its_rule_every_caption_and_command_is_in_the_report(fo
     for picture in PICTURES:
         assert picture.caption in text
         assert f"klab make {picture.step}" in text
-    assert "QUICK RUN" in text
+    assert "QUICK RUN. 40 random starts. Seed 7; version 0.1.0, abc; the steps took" in text
     assert "0.1235" in text
 
 

@@ -58,5 +58,7 @@ def test_the_weakest_part_decides_and_a_missing_one_never_holds():
 def test_numbers_are_written_with_their_units():
     assert number(0.005251, "mm") == "0.00525 mm"
     assert number(108106.0, "") == "108106"
+    assert number(90906.7, "times") == "90907 times"
+    assert number(1.26e11, "times") == "1.26e+11 times"
     assert number(0.756, "share") == "75.6 %"
     assert number(math.inf, "mm") == "inf mm"
