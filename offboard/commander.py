@@ -149,7 +149,7 @@ class SessionInfo:
         self._message.activity = activity
         self._message.config_yaml = dump_config(config)
         self._message.version = version("koopman-lab")
-        port.every(1.0, self._send)
+        port.every(channels.INFO_RATE_HZ, self._send)
 
     def _send(self, tick_us: int) -> None:
         self._message.utime = tick_us

@@ -33,14 +33,28 @@ class Message(Protocol):
 
 M = TypeVar("M", bound=Message)
 
-Rate = Literal["mocap", "motor", "wheel_state", "status", "control", "heartbeat", "ping", "event"]
-Owner = Literal[
-    "plant", "onboard", "logger", "sampler", "controller", "reference", "operator", "commander"
+Rate = Literal[
+    "mocap", "motor", "wheel_state", "status", "control", "heartbeat", "info", "ping", "event"
 ]
-"""Who publishes; ``commander`` is whichever of :data:`DRIVERS` drives the robot."""
+Owner = Literal[
+    "plant",
+    "onboard",
+    "logger",
+    "sampler",
+    "controller",
+    "reference",
+    "operator",
+    "commander",
+    "supervisor",
+]
+"""Who publishes; ``commander`` is whichever of :data:`DRIVERS` drives the robot, and
+``supervisor`` each command that has started processes."""
 
 DRIVERS: tuple[Owner, ...] = ("sampler", "controller", "reference")
 """Nodes that command the robot. They speak on the same channels, one of them at a time."""
+
+INFO_RATE_HZ = 1.0
+"""What a log needs to explain itself is four kilobytes; once a second is soon enough."""
 
 ABOARD: Owner = "onboard"
 """The node on the robot's board: between it and all others lie the radio and a second clock."""
@@ -71,6 +85,7 @@ class Channel(Generic[M]):
             "status": config.motor_loop.status_rate_hz,
             "control": 1.0 / config.controller.dt_s,
             "heartbeat": config.bus.heartbeat_rate_hz,
+            "info": INFO_RATE_HZ,
             "ping": config.clock.ping_rate_hz,
             "event": None,
         }[self.rate]
@@ -97,7 +112,9 @@ LOGGER_STATUS = Channel("LOGGER_STATUS", lcmtypes.logger_status_t, "heartbeat", 
 TIME_PING = Channel("TIME_PING", lcmtypes.time_ping_t, "ping", "onboard")
 TIME_PONG = Channel("TIME_PONG", lcmtypes.time_pong_t, "ping", "commander")
 TIME_SYNC = Channel("TIME_SYNC", lcmtypes.time_sync_t, "ping", "onboard")
-SESSION_INFO = Channel("SESSION_INFO", lcmtypes.session_info_t, "heartbeat", "commander")
+SESSION_INFO = Channel("SESSION_INFO", lcmtypes.session_info_t, "info", "commander")
+# Not logged: several commands may speak on it, so that its numbers tell of no loss.
+PROCESS = Channel("PROCESS", lcmtypes.process_t, "event", "supervisor", logged=False)
 HEARTBEATS: dict[str, Channel[lcmtypes.node_status_t]] = {
     node: Channel(f"{node.upper()}_HEARTBEAT", lcmtypes.node_status_t, "heartbeat", node)
     for node in ("plant", "onboard", "logger", *DRIVERS)
@@ -124,6 +141,7 @@ CHANNELS: tuple[Channel[Any], ...] = (
     TIME_PONG,
     TIME_SYNC,
     SESSION_INFO,
+    PROCESS,
     *HEARTBEATS.values(),
 )
 

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import lcm
 
 from koopman_lab.bus.channels import Channel, M
-from koopman_lab.bus.node import Node
+from koopman_lab.bus.node import Node, RawHandler
 from koopman_lab.bus.pacing import TickTimes
 from koopman_lab.bus.port import BasePort
 from koopman_lab.config.schema import LabConfig
@@ -297,6 +297,12 @@ class Listener:
         if not known:
             port = self._port
             subscribe(self._bus, name, lambda n, data: port.deliver(n, data, port.bus_us()))
+
+    def overhear(self, handler: RawHandler) -> None:
+        """Call ``handler`` with every message on the bus, of all robots and other programs."""
+        port = self._port
+        heard = self._bus.subscribe(".*", lambda n, data: handler(n, data, port.bus_us()))
+        heard.set_queue_capacity(0)
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message; its ``utime`` is the caller's to set (see :meth:`now_us`)."""

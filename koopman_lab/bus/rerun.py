@@ -20,7 +20,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.eventlog import Event
 from koopman_lab.units import US_PER_S
 
-PLACES: tuple[Owner, ...] = ("plant", "onboard", "logger", "commander", "operator")
+PLACES: tuple[Owner, ...] = ("plant", "onboard", "logger", "commander", "operator", "supervisor")
 """Who acts when, at equal times."""
 LOGGER = PLACES.index("logger")
 

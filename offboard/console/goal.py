@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Annotated
 
 import typer
 
 from offboard.console import options
 from offboard.console.terminal import err
-
-TRIES = 100
-WAIT_S = 0.02
 
 
 def goal(
@@ -27,21 +25,20 @@ def goal(
 
     Example: klab goal 0.5 0.2 90
     """
-    from koopman_lab.bus.channels import GOAL, MPC_STATE
+    import lcmtypes
+    from koopman_lab.bus.channels import MPC_STATE
     from koopman_lab.errors import LabStateError
-    from offboard.controller.goal import goal_message, require_reachable
+    from offboard.orders import WAIT_S, goal_order
 
     lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
-    wanted = options.pose_of(pose)
-    require_reachable(wanted, lab.controller)
+    newest: deque[lcmtypes.mpc_state_t] = deque(maxlen=1)
+    order = goal_order(options.pose_of(pose), lab, lambda: newest[0] if newest else None)
     listener = options.listen(lab)
-    goals: list[tuple[float, ...]] = []
-    listener.subscribe(MPC_STATE, lambda state: goals.append(tuple(state.goal)))
-    for _ in range(TRIES):
-        listener.publish(GOAL, goal_message(wanted, listener.now_us()))
+    listener.subscribe(MPC_STATE, newest.append)
+    while (obeyed := order.step(listener)) is None:
         listener.spin(WAIT_S)
-        if goals and goals[-1] == tuple(wanted):
-            err.print("the controller drives there")
-            return
-    heard = "keeps another goal" if goals else "is silent; `klab park` starts a controller"
+    if obeyed:
+        err.print("the controller drives there")
+        return
+    heard = "keeps another goal" if newest else "is silent; `klab park` starts a controller"
     raise LabStateError(f"{MPC_STATE.name(lab.robot.name)} {heard}")

@@ -11,17 +11,13 @@ import typer
 
 from koopman_lab.errors import LogError
 from offboard.console import options
+from offboard.console.log_export import export, plot
 from offboard.console.terminal import err, out
 
 SHOWN = 10
 """Damaged places listed one by one."""
 
 app = typer.Typer(help="Look into session logs.", no_args_is_help=True)
-
-
-@app.callback()
-def _group() -> None:
-    """Keep `info` a subcommand although it is the only one."""
 
 
 @app.command()
@@ -75,3 +71,7 @@ def info(
         err.print(
             f"{skipped} damaged bytes passed over in {len(log.damage)} places, {skipped_s:.3f} s"
         )
+
+
+app.command()(plot)
+app.command()(export)

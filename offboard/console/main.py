@@ -20,10 +20,13 @@ from offboard.console.reference import reference
 from offboard.console.replay import replay
 from offboard.console.rerun import rerun
 from offboard.console.simulate import simulate
+from offboard.console.status import down, status
 from offboard.console.terminal import err
+from offboard.console.topics import topics
 from offboard.console.train import train
 from offboard.console.up import up
 from offboard.console.validate import validate
+from offboard.console.view import view
 
 EXPECTED_MISTAKE = 2
 INTERRUPTED = 130
@@ -35,23 +38,11 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (
-    demo,
-    up,
-    calibrate,
-    train,
-    park,
-    compare,
-    simulate,
-    reference,
-    validate,
-    replay,
-    rerun,
-    goal,
-    estop,
-    fault,
-    doctor,
-):
+COMMANDS = (
+    *(demo, up, status, down, view, topics, calibrate, train, park, compare, simulate, reference),
+    *(validate, replay, rerun, goal, estop, fault, doctor),
+)
+for command in COMMANDS:
     app.command()(command)
 app.add_typer(run.app, name="run")
 app.add_typer(log.app, name="log")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from offboard.console import options
+from offboard.console.view import HOST, PORT, Host, Port, serve
 
 if TYPE_CHECKING:
     from koopman_lab.bus.node import Node
@@ -218,3 +219,17 @@ def controller(
     statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
     if result is not None:
         write_json(result, outcome_facts(node, statistics.missed_ticks))
+
+
+@app.command(hidden=True)
+def view(
+    config: options.ConfigFile = None,
+    host: Host = HOST,
+    port: Port = PORT,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Serve the page of `klab view`, as a process of `klab up --view`.
+
+    Example: klab run view --config runs/up/config.yaml
+    """
+    serve(options.resolve(config, None, None), host, port, lifeline_fd)

@@ -6,6 +6,7 @@ import contextlib
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -14,14 +15,14 @@ from pathlib import Path
 from types import FrameType
 
 import lcmtypes
-from koopman_lab.bus.channels import DRIVERS, HEARTBEATS
+from koopman_lab.bus.channels import DRIVERS, HEARTBEATS, PROCESS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
+from koopman_lab.units import US_PER_S
 from offboard.console.folder import RunFolder
+from offboard.processes import NAMES
 
-STOP_ORDER = (*DRIVERS, "onboard", "plant", "logger", "pacer")
-"""Who commands stops first; the logger writes down the rest."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 PATIENCE_S = 3.0
 """Time between these signals."""
@@ -30,6 +31,10 @@ READY_LIMIT_S = 30.0
 LISTEN_S = 1.2
 """More than two heartbeats, to know who is there already."""
 TAIL_LINES = 12
+LONGEST_LINE = 200
+"""Characters of each of the last lines that go over the bus."""
+FAREWELLS = 3
+"""How a process ended is said this often: UDP loses messages, and nobody says it later."""
 SCARCE_BYTES = 1 << 16
 """With less room than this on its disk, a process may have had none for its last words."""
 
@@ -72,6 +77,8 @@ class Supervisor:
         self._listener = listener
         self._children: dict[str, subprocess.Popen[bytes]] = {}
         self._heard: dict[str, int] = {}
+        self._ended: dict[str, tuple[int, str]] = {}
+        self._announced_us = 0
         self._lifeline_read, self._lifeline_write = os.pipe()
         for name, channel in HEARTBEATS.items():
             listener.subscribe(channel, _note(name, self._heard))
@@ -140,11 +147,13 @@ class Supervisor:
             code = child.poll()
             if code is None or (code == 0 and name in DRIVERS):
                 continue
-            file = self._folder.process_log(name)
-            lines = file.read_text(errors="replace").splitlines()[-TAIL_LINES:]
-            how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+            file, how, lines = self._folder.process_log(name), _how(code), self._last_lines(name)
+            self._note_end(name, lcmtypes.process_t.DIED, how)
+            self._announce(FAREWELLS)
             last = "\n".join(f"    {line}" for line in lines) or f"    ({_nothing_said(file)})"
             raise LabStateError(f"{name} died ({how}); {file} ends with:\n{last}")
+        if self._listener.now_us() >= self._announced_us + self._period_us():
+            self._announce()
 
     def process(self, name: str) -> int:
         """Return the process number of a child."""
@@ -155,11 +164,43 @@ class Supervisor:
         return self._children[name].poll() is not None
 
     def stop(self) -> None:
-        """Stop all children in order: SIGINT, then SIGTERM, then SIGKILL."""
-        for name in sorted(self._children, key=STOP_ORDER.index):
+        """Stop all children in order: SIGINT, then SIGTERM, then SIGKILL, 3 s each; say so."""
+        for name in sorted(self._children, key=NAMES.index):
             _stop(self._children[name])
+            code = self._children[name].returncode
+            self._note_end(name, lcmtypes.process_t.FINISHED, "" if code is None else _how(code))
+            self._announce()
+        self._announce(FAREWELLS)
         os.close(self._lifeline_write)
         os.close(self._lifeline_read)
+
+    def _last_lines(self, name: str) -> list[str]:
+        file = self._folder.process_log(name)
+        return file.read_text(errors="replace").splitlines()[-TAIL_LINES:]
+
+    def _note_end(self, name: str, state: int, how: str) -> None:
+        """Keep how a child ended; the first word counts."""
+        self._ended.setdefault(name, (state, how))
+
+    def _period_us(self) -> int:
+        return round(US_PER_S / self._config.bus.heartbeat_rate_hz)
+
+    def _announce(self, times: int = 1) -> None:
+        """Say on the bus what is known of each child."""
+        self._announced_us = self._listener.now_us()
+        for name, child in list(self._children.items()) * times:
+            message = lcmtypes.process_t()
+            message.utime = self._announced_us
+            message.name, message.pid, message.host = name, child.pid, socket.gethostname()
+            message.supervisor_pid = os.getpid()
+            message.log_file = str(self._folder.process_log(name).absolute())
+            if child.poll() == 0 and name in DRIVERS:
+                self._note_end(name, message.FINISHED, _how(0))
+            message.state, message.ended = self._ended.get(name, (message.RUNNING, ""))
+            if message.state == message.DIED:
+                lines = (line[:LONGEST_LINE] for line in self._last_lines(name))
+                message.last_lines = "\n".join(lines)
+            self._listener.publish(PROCESS, message)
 
 
 @contextlib.contextmanager
@@ -207,6 +248,11 @@ def _note(name: str, heard: dict[str, int]) -> Callable[[lcmtypes.node_status_t]
         heard[name] = status.pid
 
     return note
+
+
+def _how(code: int) -> str:
+    """Return in words what the exit code of a child says; a negative one is a signal."""
+    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
 
 
 def _nothing_said(file: Path) -> str:

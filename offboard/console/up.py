@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from offboard.console import options
 from offboard.console.folder import new_folder
 from offboard.console.terminal import err, status_line
+from offboard.console.view import HOST, PORT, Port
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
     from offboard.console.supervisor import Supervisor
-
-STATES = ("at rest", "driving", "stopped by the watchdog", "EMERGENCY STOP", "FAULT")
-"""By the numbers of ``onboard_status_t``."""
 
 
 def up(
@@ -29,8 +27,16 @@ def up(
     robot_name: options.RobotsName = None,
     url: options.Url = None,
     out: options.Out = None,
+    view: Annotated[
+        bool, typer.Option("--view", help="Serve the page of `klab view` too.")
+    ] = False,
+    port: Port = PORT,
 ) -> None:
-    """Run plant, onboard loop and logger as supervised processes until Ctrl-C.
+    """Run plant, onboard loop and logger as supervised processes until Ctrl-C or `klab down`.
+
+    If one dies, the robot stops, the others are ended, and its last lines are shown: nothing is
+    started again behind your back. Each process is asked to end by SIGINT, after 3 s by SIGTERM,
+    after 3 s more by SIGKILL.
 
     Example: klab up --robot dynamic --robot-name R2
     """
@@ -51,6 +57,9 @@ def up(
     try:
         with supervised(lab_config, folder, listener) as lab:
             start_missing(lab, set(), folder)
+            if view:
+                lab.start("view", "--port", str(port))
+                err.print(f"page: http://{HOST}:{port}/")
             name, kind = lab_config.robot.name, lab_config.robot.kind
             err.print(f"{name} ({kind}) is up on {lab_config.bus.url}; log: {folder.log}")
             same = "" if robot_name is None else f" with --robot-name {name}"
@@ -68,6 +77,7 @@ def _follow(listener: Listener, lab: Supervisor, show: Callable[[str], None]) ->
     """Show how the lab is until it is interrupted or a process dies."""
     import lcmtypes
     from koopman_lab.bus.channels import LOGGER_STATUS, ONBOARD_STATUS
+    from offboard.viewer.words import standing
 
     onboard: deque[lcmtypes.onboard_status_t] = deque(maxlen=1)
     logger: deque[lcmtypes.logger_status_t] = deque(maxlen=1)
@@ -79,6 +89,6 @@ def _follow(listener: Listener, lab: Supervisor, show: Callable[[str], None]) ->
         if onboard and logger:
             robot, log = onboard[0], logger[0]
             show(
-                f"{STATES[robot.state]}, {robot.battery_v:.1f} V; {log.events} messages stored, "
+                f"{standing(robot)}, {robot.battery_v:.1f} V; {log.events} messages stored, "
                 f"{log.mocap_lost_messages} camera messages lost"
             )

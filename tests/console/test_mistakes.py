@@ -54,6 +54,10 @@ CASES = {
         ("goal", "0.1", "0", "0"),
         ("R1_MPC_STATE is silent", "klab park"),
     ),
+    "channel that is none": (
+        ("topics", "--echo", "R1_NONE"),
+        ("'R1_NONE' is not of this lab", "MOCAP_POSE"),
+    ),
     "missing log": (
         ("train", "{runs}/none.lcm"),
         ("none.lcm", "no such"),
@@ -224,8 +228,23 @@ def test_doctor_is_content_here():
 
 @pytest.mark.parametrize(
     "command",
-    ["demo", "up", "calibrate", "train", "park", "replay", "rerun", "estop", "fault", "doctor"]
-    + ["log info", "figure samples"]
+    [
+        "demo",
+        "up",
+        "status",
+        "down",
+        "view",
+        "topics",
+        "calibrate",
+        "train",
+        "park",
+        "replay",
+        "rerun",
+        "estop",
+        "fault",
+        "doctor",
+    ]
+    + ["log info", "log plot", "log export", "figure samples"]
     + [f"bench {what}" for what in ("lockstep", "motor", "faults", "dataset", "realtime", "logger")]
     + [f"dataset {what}" for what in ("make", "info", "export", "import", "sweep")]
     + [f"run {node}" for node in ("plant", "onboard", "logger", "sampler", "controller")],

@@ -34,5 +34,6 @@ def test_the_main_jobs_are_told():
     commands = {line[0] for line in KLAB}
     assert {"up", "run", "calibrate", "train", "park", "doctor", "log"} <= commands
     assert {"dataset", "figure", "bench"} <= commands
+    assert {"view", "status", "down", "topics"} <= commands
     assert {"./scripts/demo", "./scripts/test", "./scripts/check"} <= set(SCRIPTS)
     assert any(line[:1] == ["lcm-logplayer"] for line in LINES)

@@ -1,0 +1,122 @@
+"""A session at a glance: where the robot went, how fast, and what it was told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from koopman_lab.bus.channels import (
+    ACCELERATION_CMD,
+    MOCAP_POSE,
+    ONBOARD_STATUS,
+    VELOCITY_CMD,
+    WHEEL_STATE,
+)
+from koopman_lab.data.decode import SessionLog
+from koopman_lab.data.wire import StructuredArray
+from koopman_lab.errors import LogError
+from koopman_lab.figures.canvas import new_figure, save
+from koopman_lab.files import write_csv
+from koopman_lab.units import US_PER_S
+
+Array = NDArray[np.float64]
+
+
+class Shown(NamedTuple):
+    """One table of numbers.
+
+    ``columns`` names those of ``rows`` (N, len(columns)); the first is the time since the first
+    camera frame (s).
+    """
+
+    columns: tuple[str, ...]
+    rows: Array
+
+
+class SessionPlot(NamedTuple):
+    """What is drawn; tables without rows are of channels that the log does not hold."""
+
+    path: Shown
+    measured: Shown
+    wanted: Shown
+    commands: Shown
+
+
+def session_plot(log: SessionLog) -> SessionPlot:
+    """Return what a log says of path, speeds and commands.
+
+    Raises
+    ------
+    LogError
+        If the log cannot be used, or holds no camera frame in which the robot was seen.
+    """
+    frames = log.array(MOCAP_POSE)
+    frames = frames[frames["tracking_valid"]]
+    if not len(frames):
+        raise LogError(
+            f"{log.path}: {MOCAP_POSE.name(log.robot_name)} holds no frame in which the robot was "
+            "seen; there is no path to draw"
+        )
+    begin_us = int(frames["utime"].min())
+
+    def table(messages: StructuredArray, *fields: str) -> Shown:
+        time_s = (messages["utime"].astype(np.int64) - begin_us) / US_PER_S
+        columns = [time_s, *(messages[field].astype(np.float64) for field in fields)]
+        return Shown(("time_s", *fields), np.column_stack(columns))
+
+    speeds = "v_m_per_s", "omega_rad_per_s"
+    set_points = "v_setpoint_m_per_s", "omega_setpoint_rad_per_s"
+    commands = table(log.array(ACCELERATION_CMD), "a_m_per_s2", "d_omega_rad_per_s2")
+    if not len(commands.rows):
+        commands = table(log.array(VELOCITY_CMD), *speeds)
+    return SessionPlot(
+        table(frames, "x1_m", "x2_m", "theta_rad"),
+        table(log.array(WHEEL_STATE), *speeds),
+        table(log.array(ONBOARD_STATUS), *set_points),
+        commands,
+    )
+
+
+def draw_session(stem: Path, shown: SessionPlot) -> None:
+    """Write ``stem.pdf``, ``stem.png`` and the numbers as CSV beside them.
+
+    Raises
+    ------
+    OSError
+        If they cannot be written.
+    """
+    figure = new_figure(width=11.0, height=6.0)
+    grid = figure.add_gridspec(2, 3)
+    plane = figure.add_subplot(grid[:, 0])
+    plane.plot(shown.path.rows[:, 1], shown.path.rows[:, 2], color="tab:blue", linewidth=1.0)
+    plane.plot(*shown.path.rows[0, 1:3], "o", color="tab:green", label="begin")
+    plane.plot(*shown.path.rows[-1, 1:3], "s", color="tab:red", label="end")
+    plane.set(xlabel="$x_1$ (m)", ylabel="$x_2$ (m)", title="path")
+    plane.set_aspect("equal", adjustable="datalim")
+    plane.legend()
+    for k, name in ((1, "v (m/s)"), (2, "ω (rad/s)")):
+        axes = figure.add_subplot(grid[k - 1, 1])
+        axes.plot(shown.wanted.rows[:, 0], shown.wanted.rows[:, k], "--", color="tab:gray")
+        axes.plot(shown.measured.rows[:, 0], shown.measured.rows[:, k], color="tab:blue")
+        axes.set(xlabel="time (s)", ylabel=name, title="measured, set-point dashed")
+        told = figure.add_subplot(grid[k - 1, 2])
+        told.step(
+            shown.commands.rows[:, 0], shown.commands.rows[:, k], where="post", color="tab:orange"
+        )
+        told.set(xlabel="time (s)", ylabel=_LABELS[shown.commands.columns[k]], title="commanded")
+    for axes in figure.axes:
+        axes.grid(visible=True)
+    save(figure, stem)
+    for name, table in shown._asdict().items():
+        write_csv(stem.with_name(f"{stem.name}-{name}.csv"), table.columns, table.rows.tolist())
+
+
+_LABELS = {
+    "v_m_per_s": "v (m/s)",
+    "omega_rad_per_s": "ω (rad/s)",
+    "a_m_per_s2": "a (m/s²)",
+    "d_omega_rad_per_s2": "dω (rad/s²)",
+}

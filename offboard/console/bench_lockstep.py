@@ -1,0 +1,172 @@
+"""`klab bench lockstep`: how fast the lab runs on virtual time, and where the time goes."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.geometry import REST, Velocity
+from offboard.console import options
+from offboard.console.terminal import out
+
+if TYPE_CHECKING:
+    import lcmtypes
+    from koopman_lab.bus.lockstep import Lockstep
+    from koopman_lab.bus.node import Port
+
+CHUNK_S = 1.0
+WARM_UP_S = 2.0
+LARGEST_A = 1.0
+"""Of the weave, m/s^2."""
+PARTS = {
+    "onboard/plant/cameras": "cameras",
+    "onboard/plant/node": "plant node",
+    "onboard/plant": "motors, body, encoders",
+    "onboard/motor_loop": "motor loop",
+    "koopman_lab/bus": "runner",
+    "lcmtypes": "encoding and decoding",
+    "offboard": "commander",
+}
+"""Which part of the lab a source file belongs to; the first that fits counts."""
+
+
+class Weaver:
+    """Drives along a weave that never stands still, as the operator."""
+
+    name = "weaver"
+    operator = 3
+
+    def __init__(self, config: LabConfig) -> None:
+        self._config = config
+        self._velocity = REST
+        self.driving = False
+        """Whether the motor loop last said that it drives."""
+
+    def attach(self, port: Port) -> None:
+        """Listen to the motor loop and set the control timer."""
+        from koopman_lab.bus import channels
+        from offboard.commander import Commands
+
+        port.subscribe(channels.ONBOARD_STATUS, self._on_status)
+        self._commands = Commands(port, self._config, self.operator)
+        port.every(1.0 / self._config.controller.dt_s, self._on_tick)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _on_status(self, message: lcmtypes.onboard_status_t) -> None:
+        self.driving = message.state == message.DRIVING
+
+    def _on_tick(self, tick_us: int) -> None:
+        seconds = tick_us * 1e-6
+        wanted = Velocity(0.2 + 0.1 * math.sin(seconds), 0.8 * math.sin(0.7 * seconds))
+        if self._config.robot.kind == "dynamic":
+            dt_s, (v, omega) = self._config.controller.dt_s, self._velocity
+            # From rest to the weave takes longer than one interval.
+            a = max(-LARGEST_A, min(LARGEST_A, (wanted.v - v) / dt_s))
+            self._velocity = Velocity(v + a * dt_s, wanted.omega)
+            self._commands.send((a, (wanted.omega - omega) / dt_s), tick_us)
+        else:
+            self._commands.send(wanted, tick_us)
+
+
+def lockstep(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    preset: options.Preset = options.PresetName.lab,
+    seconds: Annotated[
+        float, typer.Option("--seconds", min=2.0, help="Virtual time to measure.")
+    ] = 60.0,
+    as_json: options.AsJson = False,
+) -> None:
+    """Show how much faster than real time plant and onboard loop run in lockstep, and on what.
+
+    Example: klab bench lockstep --robot dynamic --seconds 60
+    """
+    lab_config = options.resolve(config, overrides, options.kind_of(robot), preset)
+    lab, weaver = _lab(lab_config)
+    factors = _factors(lab, seconds)
+    shares = _shares(_lab(lab_config)[0], min(seconds, 20.0))
+    facts = {
+        "robot": lab_config.robot.kind,
+        "preset": preset.value,
+        "seconds": seconds,
+        "driving": weaver.driving,
+        "times_real_time": factors,
+        "share": shares,
+    }
+    if as_json:
+        out.print_json(json.dumps(facts))
+        return
+    from rich.table import Table
+
+    out.print(
+        f"{lab_config.robot.kind} robot, preset {preset.value}, {seconds:g} s of virtual time in "
+        f"chunks of {CHUNK_S:g} s: {factors['median']:.0f} times real time "
+        f"(99 % of the chunks at least {factors['p99']:.0f} times; by CPU time "
+        f"{factors['cpu_median']:.0f} times)"
+    )
+    table = Table("part", title="where the time goes (profiled)")
+    table.add_column("share", justify="right")
+    for part, share in shares.items():
+        table.add_row(part, f"{100.0 * share:.1f} %")
+    out.print(table)
+
+
+def _lab(config: LabConfig) -> tuple[Lockstep, Weaver]:
+    from koopman_lab.bus.lockstep import Lockstep
+    from offboard.console import nodes
+
+    lab, weaver = Lockstep(config), Weaver(config)
+    for node in (nodes.plant(config), nodes.onboard(config), weaver):
+        lab.add(node)
+    lab.run(WARM_UP_S)
+    return lab, weaver
+
+
+def _factors(lab: Lockstep, seconds: float) -> dict[str, float]:
+    """Return virtual over real time: the median, and what 99 % of the chunks reach."""
+    import time
+
+    import numpy as np
+
+    wall, cpu = [], []
+    for _ in range(round(seconds / CHUNK_S)):
+        started, cpu_started = time.perf_counter(), time.process_time()
+        lab.run(CHUNK_S)
+        wall.append(CHUNK_S / (time.perf_counter() - started))
+        cpu.append(CHUNK_S / (time.process_time() - cpu_started))
+    lab.close()
+    median, slow = np.percentile(wall, [50.0, 1.0]).tolist()
+    return {"median": median, "p99": slow, "cpu_median": float(np.median(cpu))}
+
+
+def _shares(lab: Lockstep, seconds: float) -> dict[str, float]:
+    """Return each part's own time under the profiler, as a share of all, largest first."""
+    import cProfile
+
+    # Time in built-in functions counts for who calls them.
+    profile = cProfile.Profile(builtins=False)
+    profile.enable()
+    lab.run(seconds)
+    profile.disable()
+    lab.close()
+    times: dict[str, float] = {}
+    entries: list[Any] = profile.getstats()
+    for entry in entries:
+        source = entry.code if isinstance(entry.code, str) else entry.code.co_filename
+        part = _part(source)
+        times[part] = times.get(part, 0.0) + entry.inlinetime
+    total = sum(times.values())
+    return {part: times[part] / total for part in sorted(times, key=lambda p: -times[p])}
+
+
+def _part(source: str) -> str:
+    path = Path(source).as_posix()
+    return next((part for folder, part in PARTS.items() if f"/{folder}" in path), "other")

@@ -1,0 +1,140 @@
+"""The viewer's side of the bus: hears all robots, and speaks for the person at the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from koopman_lab.bus.realtime import Listener
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import LabStateError
+from koopman_lab.units import US_PER_S
+from offboard.orders import WAIT_S, Order, goal_order, stop_order
+from offboard.viewer.request import ARM, GOAL, RELEASE, STOP, Request
+from offboard.viewer.robot import RobotView
+from offboard.viewer.state import LabView
+
+ARMED_S = 10.0
+"""So long after its first step the second step of a release is taken."""
+
+Reply = Callable[[bool, str], None]
+"""Told whether an order was obeyed, and what to say of it."""
+
+
+class Desk:
+    """Keeps the state of the page and sends what a person orders.
+
+    Parameters
+    ----------
+    config
+        Of the lab: the bus, and what to assume of a robot that does not say its configuration.
+
+    Raises
+    ------
+    BusError
+        If the bus cannot be opened.
+    """
+
+    def __init__(self, config: LabConfig) -> None:
+        self.view = LabView(config)
+        self._config = config
+        self._ear = Listener(config)
+        self._ear.overhear(self.view.take)
+        self._mouths: dict[str, Listener] = {}
+        self._orders: dict[tuple[str, str], tuple[Order[Any], Reply, str]] = {}
+        self._armed_us: dict[tuple[object, str], int] = {}
+        self._say_us = 0
+
+    def now_us(self) -> int:
+        """Return the present time (us)."""
+        return self._ear.now_us()
+
+    def work(self) -> None:
+        """Take everything that has arrived, and say again what is not obeyed yet."""
+        self._ear.spin(0.0)
+        now_us = self.now_us()
+        if now_us < self._say_us:
+            return
+        self._say_us = now_us + round(WAIT_S * US_PER_S)
+        for key, (order, reply, what) in list(self._orders.items()):
+            obeyed = order.step(self._mouth(key[0]))
+            if obeyed is not None:
+                del self._orders[key]
+                said = "confirmed" if obeyed else "not confirmed; cut the power if the robot moves"
+                reply(obeyed, f"{key[0]}: {what} {said}")
+
+    def ask(self, request: Request, who: object, reply: Reply) -> None:
+        """Do what a page asks for; ``reply`` is called at most once, perhaps later.
+
+        Parameters
+        ----------
+        request
+            What is asked for.
+        who
+            The page: releasing takes two steps of the same one.
+        reply
+            Told how it went.
+
+        Raises
+        ------
+        LabStateError
+            If it is refused.
+        """
+        robot = self._robot(request.robot, stopping=request.do == STOP)
+        now_us, armed = self.now_us(), (who, robot.name)
+        if request.do == STOP:
+            # Nothing that was ordered before may undo it.
+            for key in [key for key in self._orders if key[0] == robot.name]:
+                del self._orders[key]
+            self._armed_us.pop(armed, None)
+            order = stop_order(lambda: robot.status(self.now_us()), release=False)
+            self._begin(robot.name, STOP, order, reply, "STOP")
+        elif request.do == ARM:
+            self._armed_us[armed] = now_us
+            reply(True, f"{robot.name}: confirm the release within {ARMED_S:g} s")
+        elif request.do == RELEASE:
+            since_us = self._armed_us.pop(armed, None)
+            if since_us is None or now_us - since_us > ARMED_S * US_PER_S:
+                raise LabStateError(f"{robot.name}: releasing takes two steps; begin again")
+            order = stop_order(lambda: robot.status(self.now_us()), release=True)
+            self._orders.pop((robot.name, STOP), None)
+            self._begin(robot.name, RELEASE, order, reply, "release")
+        elif request.goal is not None:
+            if robot.mpc(now_us) is None:
+                raise LabStateError(
+                    f"{robot.name}: no controller speaks; `klab park` starts one, then a goal can "
+                    "be set"
+                )
+            move = goal_order(request.goal, robot.config, lambda: robot.mpc(self.now_us()))
+            x1, x2, _ = request.goal
+            self._begin(robot.name, GOAL, move, reply, f"goal ({x1:.2f}, {x2:.2f}) m")
+
+    def forget(self, who: object) -> None:
+        """Forget a page that is gone."""
+        for key in [key for key in self._armed_us if key[0] is who]:
+            del self._armed_us[key]
+
+    def _begin(self, name: str, what: str, order: Order[Any], reply: Reply, said: str) -> None:
+        order.step(self._mouth(name))
+        self._orders[name, what] = order, reply, said
+
+    def _robot(self, name: str, *, stopping: bool) -> RobotView:
+        robot, now_us = self.view.robots.get(name), self.now_us()
+        if robot is None:
+            known = ", ".join(sorted(self.view.robots)) or "none"
+            raise LabStateError(f"{name[:32]!r}: no such robot; heard so far: {known}")
+        if stopping and (robot.alive(now_us) or not robot.replayed(now_us)):
+            return robot  # also where it is silent: it may still hear, and move
+        if robot.replayed(now_us):
+            raise LabStateError(f"{name}: this is a replay; a log cannot be steered")
+        if not robot.alive(now_us):
+            raise LabStateError(f"{name}: nobody speaks for this robot")
+        return robot
+
+    def _mouth(self, name: str) -> Listener:
+        mouth = self._mouths.get(name)
+        if mouth is None:
+            robot = self._config.robot.model_copy(update={"name": name})
+            mouth = Listener(self._config.model_copy(update={"robot": robot}))
+            self._mouths[name] = mouth
+        return mouth

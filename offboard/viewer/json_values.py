@@ -1,0 +1,66 @@
+"""What the page is told, as JSON can hold it: no NaN, no infinity, six digits."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import lcmtypes
+from koopman_lab.config.schema import StateSet
+from offboard.viewer.roll import Entry
+from offboard.viewer.streams import Flow
+from offboard.viewer.words import PHASES, word
+
+Numbers = list[float | None]
+
+
+def number(value: float | None) -> float | None:
+    """Return a number as JSON can hold it, None if it is none."""
+    if value is None or not math.isfinite(value):
+        return None
+    return float(f"{value:.6g}")
+
+
+def numbers(*values: float) -> Numbers:
+    """Return numbers as JSON can hold them."""
+    return [number(value) for value in values]
+
+
+def flow_row(flow: Flow) -> dict[str, Any]:
+    """Return how a channel flows as JSON can hold it."""
+    row = flow._asdict()
+    for key in ("rate_hz", "nominal_hz", "jitter_s", "age_s"):
+        row[key] = number(row[key])
+    return row
+
+
+def entry_row(entry: Entry) -> dict[str, Any]:
+    """Return a process as JSON can hold it."""
+    row = entry._asdict()
+    told = row.pop("told")
+    row["age_s"] = number(entry.age_s)
+    row["ended"] = "" if told is None else told.ended
+    row["log_file"] = "" if told is None else told.log_file
+    row["last_lines"] = "" if told is None else told.last_lines
+    return row
+
+
+def horizon(mpc: lcmtypes.mpc_state_t) -> list[Numbers]:
+    """Return the predicted points (m)."""
+    return [numbers(*p) for p in zip(mpc.predicted_x1_m, mpc.predicted_x2_m, strict=True)]
+
+
+def progress(state: lcmtypes.sampler_state_t) -> dict[str, Any]:
+    """Return how far a calibration session is."""
+    return {
+        "phase": word(PHASES, state.phase),
+        "done": state.segments_done,
+        "total": state.segments_total,
+        "samples": state.samples,
+        "redraws": state.redraws,
+    }
+
+
+def box(states: StateSet) -> dict[str, list[float]]:
+    """Return a set as it lies on the floor (m)."""
+    return {"x1_m": list(states.x1_m), "x2_m": list(states.x2_m)}

@@ -1,0 +1,71 @@
+"""What a page may ask for, read from what a stranger may send."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any, NamedTuple
+
+from koopman_lab.errors import LabStateError
+from koopman_lab.geometry import Pose, wrap_angle
+
+LARGEST_BYTES = 1024
+"""A request takes less than 200."""
+STOP, ARM, RELEASE, GOAL = "stop", "arm", "release", "goal"
+LARGEST_ANGLE_RAD = 1e6
+
+
+class RequestError(LabStateError):
+    """Sent by no page of ours."""
+
+
+class Request(NamedTuple):
+    """What is asked for: ``do`` is one of the constants, ``goal`` is set for GOAL only."""
+
+    do: str
+    robot: str
+    goal: Pose | None = None
+
+
+def parse_request(text: str) -> Request:
+    """Return what was asked for.
+
+    Raises
+    ------
+    RequestError
+        If it is no request.
+    """
+    if len(text) > LARGEST_BYTES:
+        raise RequestError(f"request of {len(text)} characters; none has more than {LARGEST_BYTES}")
+    try:
+        said = json.loads(text, parse_constant=_no_number)
+    except (ValueError, RecursionError):
+        raise RequestError("request: not JSON") from None
+    if not isinstance(said, dict):
+        raise RequestError("request: not a JSON object")
+    do, robot = said.get("do"), said.get("robot")
+    if do not in (STOP, ARM, RELEASE, GOAL):
+        raise RequestError(f"request: do must be one of {STOP}, {ARM}, {RELEASE}, {GOAL}")
+    if not isinstance(robot, str):
+        raise RequestError("request: robot must be a name")
+    if do != GOAL:
+        return Request(do, robot)
+    x1, x2, theta = (_finite(said.get(key), key) for key in ("x1_m", "x2_m", "theta_rad"))
+    if abs(theta) > LARGEST_ANGLE_RAD:
+        raise RequestError("request: theta_rad is no angle")
+    return Request(do, robot, Pose(x1, x2, wrap_angle(theta)))
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(text)
+
+
+def _finite(value: Any, key: str) -> float:
+    try:
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            number = float(value)
+            if math.isfinite(number):
+                return number
+    except OverflowError:
+        pass
+    raise RequestError(f"request: {key} must be a finite number")

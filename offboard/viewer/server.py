@@ -1,0 +1,181 @@
+"""Serves the page and, over a websocket, what it shows; takes what it asks for.
+
+One thread does everything, outside the processes that drive the robot. A client that reads slowly
+only misses snapshots: each is made for it when the one before has been taken.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+
+from starlette.applications import Starlette
+from starlette.requests import Request as HttpRequest
+from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from koopman_lab.errors import LabError
+from offboard.viewer.desk import Desk
+from offboard.viewer.guard import Guard
+from offboard.viewer.request import LARGEST_BYTES, RequestError, parse_request
+from offboard.viewer.state import Marks
+
+PAGE = Path(__file__).parent / "page"
+SNAPSHOT_S = 0.05
+DRAINS = 4
+"""The bus is emptied so often between two snapshots."""
+MOST_CLIENTS = 32
+BAD_DATA, POLICY, TOO_MANY = 1003, 1008, 1013
+"""Reasons for closing, as RFC 6455 and its registry number them."""
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-cache",
+}
+
+Log = Callable[[str], None]
+
+
+class Server:
+    """The web application around a desk.
+
+    Parameters
+    ----------
+    desk
+        Hears and speaks.
+    guard
+        Says who is let in.
+    log
+        Takes a line about each request that was refused.
+    """
+
+    def __init__(self, desk: Desk, guard: Guard, log: Log) -> None:
+        self._desk = desk
+        self._guard = guard
+        self._log = log
+        self._clients = 0
+        self._tick = asyncio.Event()
+        self._common = "{}"
+        self._texts: dict[Marks, tuple[str, Marks]] = {}
+        self._pending: set[asyncio.Task[None]] = set()
+        routes = [
+            Route("/", self._page),
+            WebSocketRoute("/ws", self._socket),
+            Mount("/static", StaticFiles(directory=PAGE)),
+        ]
+        self.app = Starlette(routes=routes, lifespan=self._lifespan)
+
+    @contextlib.asynccontextmanager
+    async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
+        del app
+        work = asyncio.create_task(self._work())
+        try:
+            yield
+        finally:
+            work.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await work
+
+    async def _work(self) -> None:
+        """Empty the bus, and several times less often let everybody have a new snapshot."""
+        step_s, clock = SNAPSHOT_S / DRAINS, asyncio.get_running_loop().time
+        due_s = clock()
+        while True:
+            for _ in range(DRAINS):
+                self._desk.work()
+                # Absolute, so that work does not add up; what is late is skipped, never caught up.
+                due_s = max(due_s + step_s, clock())
+                await asyncio.sleep(due_s - clock())
+            if self._clients:
+                now_us = self._desk.now_us()
+                robots = json.dumps(self._desk.view.snapshot(now_us), allow_nan=False)
+                self._common = f'"now_us":{now_us},"robots":{robots}'
+                self._texts.clear()
+            self._tick.set()
+            self._tick = asyncio.Event()
+
+    async def _page(self, request: HttpRequest) -> Response:
+        objection = self._guard.objection(request.headers, request.query_params)
+        if objection is not None:
+            self._refused(objection)
+            return PlainTextResponse(f"refused: {objection}\n", 403)
+        return FileResponse(PAGE / "index.html", headers=HEADERS)
+
+    async def _socket(self, socket: WebSocket) -> None:
+        objection = self._guard.objection(socket.headers, socket.query_params)
+        if objection is not None:
+            self._refused(objection)
+            await socket.close(POLICY)
+            return
+        await socket.accept()
+        if self._clients == MOST_CLIENTS:
+            await socket.close(TOO_MANY)
+            return
+        self._clients += 1
+        feed = asyncio.create_task(self._feed(socket))
+        try:
+            await self._listen(socket)
+        finally:
+            self._clients -= 1
+            self._desk.forget(socket)
+            feed.cancel()
+            with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError):
+                await feed
+
+    async def _feed(self, socket: WebSocket) -> None:
+        """Send the newest snapshot whenever the client has taken the one before."""
+        marks: Marks = ()
+        while True:
+            await self._tick.wait()
+            made = self._texts.get(marks)
+            if made is None:
+                news, following = self._desk.view.histories(marks)
+                text = f'{{{self._common},"news":{json.dumps(news, allow_nan=False)}}}'
+                made = self._texts[marks] = text, following
+            text, marks = made
+            await socket.send_text(text)
+
+    async def _listen(self, socket: WebSocket) -> None:
+        """Take requests until the client goes, or sends what no page sends."""
+        while True:
+            message = await socket.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            text = message.get("text")
+            if text is None:
+                self._refused("a binary frame")
+                await socket.close(BAD_DATA)
+                return
+            try:
+                self._desk.ask(
+                    parse_request(text), socket, lambda good, said: self._reply(socket, good, said)
+                )
+            except RequestError as error:
+                self._refused(str(error))
+                await socket.close(POLICY)
+                return
+            except LabError as error:
+                self._refused(str(error))
+                self._reply(socket, False, str(error))
+
+    def _reply(self, socket: WebSocket, good: bool, said: str) -> None:
+        async def send() -> None:
+            with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+                await socket.send_text(json.dumps({"good": good, "said": said}))
+
+        task = asyncio.get_running_loop().create_task(send())
+        self._pending.add(task)
+        task.add_done_callback(self._pending.discard)
+
+    def _refused(self, why: str) -> None:
+        self._log(f"refused: {why}")
+
+
+LARGEST_FRAME = LARGEST_BYTES * 4
+"""Bytes; a longer frame closes the connection before it is read."""

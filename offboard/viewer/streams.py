@@ -1,0 +1,133 @@
+"""How well each channel on the bus flows: rate, jitter, loss, size, age."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from koopman_lab.bus.channels import Channel, split_name
+from koopman_lab.bus.sequence import SMALLEST_MESSAGE, SequenceCounter, peek
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import BusError
+from koopman_lab.units import US_PER_S
+
+WINDOW_S = 5.0
+"""Rate and jitter are those of so long, or of the last ``MOST_ARRIVALS`` messages."""
+MOST_ARRIVALS = 512
+MOST_STREAMS = 512
+"""Names of channels are free on a bus: who invents them endlessly fills no memory here."""
+
+
+class Flow(NamedTuple):
+    """How a channel flows at one time.
+
+    Attributes
+    ----------
+    name
+        On the bus.
+    messages
+        Heard so far.
+    rate_hz
+        Messages per second; None where too few were heard.
+    nominal_hz
+        As the configuration says; None for a channel that speaks only on events, or none of ours.
+    jitter_s
+        Standard deviation of the time between arrivals (s).
+    lost
+        Messages that the sequence numbers show missing; None where several may speak.
+    size
+        Of the newest message (bytes).
+    age_s
+        Since the newest message arrived (s).
+    """
+
+    name: str
+    messages: int
+    rate_hz: float | None
+    nominal_hz: float | None
+    jitter_s: float | None
+    lost: int | None
+    size: int
+    age_s: float
+
+
+class Stream:
+    """What was heard on one channel.
+
+    Parameters
+    ----------
+    name
+        On the bus.
+    channel
+        The row of the table, None for a channel that is none of this lab.
+    """
+
+    def __init__(self, name: str, channel: Channel[Any] | None) -> None:
+        self.name = name
+        self.channel = channel
+        self.count = 0
+        self.heard_us = 0
+        """When the newest message arrived (us)."""
+        self._size = 0
+        self._arrivals: deque[int] = deque(maxlen=MOST_ARRIVALS)
+        self._counter: SequenceCounter | None = None
+        if channel is not None and channel.rate != "event":
+            self._counter = SequenceCounter()
+
+    def take(self, data: bytes, arrived_us: int) -> None:
+        """Take a message that arrived at ``arrived_us``."""
+        self.count += 1
+        self._size, self.heard_us = len(data), arrived_us
+        self._arrivals.append(arrived_us)
+        if self._counter is not None and len(data) >= SMALLEST_MESSAGE:
+            self._counter.update(peek(data)[1])
+
+    def nominal_hz(self, config: LabConfig) -> float | None:
+        """Return the rate that the configuration says, None where it says none."""
+        return None if self.channel is None else self.channel.rate_hz(config)
+
+    def flow(self, now_us: int, config: LabConfig) -> Flow:
+        """Return how it flows at ``now_us``."""
+        oldest_us = now_us - WINDOW_S * US_PER_S
+        steps = np.diff([at_us for at_us in self._arrivals if at_us >= oldest_us])
+        span_us = int(steps.sum())
+        return Flow(
+            self.name,
+            self.count,
+            len(steps) * US_PER_S / span_us if span_us else None,
+            self.nominal_hz(config),
+            float(steps.std()) / US_PER_S if len(steps) > 1 else None,
+            None if self._counter is None else self._counter.lost,
+            self._size,
+            (now_us - self.heard_us) / US_PER_S,
+        )
+
+
+class Streams:
+    """All channels on a bus, those of other programs included."""
+
+    def __init__(self) -> None:
+        self._streams: dict[str, Stream] = {}
+
+    def take(self, name: str, data: bytes, arrived_us: int) -> Stream | None:
+        """Take a message; return its stream, None if there are too many of them."""
+        stream = self._streams.get(name)
+        if stream is None:
+            if len(self._streams) == MOST_STREAMS:
+                return None
+            stream = self._streams[name] = Stream(name, _channel(name))
+        stream.take(data, arrived_us)
+        return stream
+
+    def flows(self, now_us: int, config: LabConfig) -> list[Flow]:
+        """Return how each channel flows, in alphabetical order."""
+        return [self._streams[name].flow(now_us, config) for name in sorted(self._streams)]
+
+
+def _channel(name: str) -> Channel[Any] | None:
+    try:
+        return split_name(name)[1]
+    except BusError:
+        return None

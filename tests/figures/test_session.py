@@ -1,0 +1,27 @@
+"""A log at a glance."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from koopman_lab.data.decode import SessionLog
+from koopman_lab.figures.session import draw_session, session_plot
+
+REFERENCE = Path(__file__).parents[1] / "data" / "reference"
+
+
+def test_path_speeds_and_commands_are_drawn_and_their_numbers_written(tmp_path):
+    shown = session_plot(SessionLog(REFERENCE / "park.lcm"))
+    draw_session(tmp_path / "plot", shown)
+    assert (tmp_path / "plot.pdf").read_bytes().startswith(b"%PDF")
+    assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
+    for part, table in shown._asdict().items():
+        with (tmp_path / f"plot-{part}.csv").open() as file:
+            columns, *rows = csv.reader(file)
+        assert tuple(columns) == table.columns
+        assert np.array_equal(np.array(rows, float), table.rows)
+        assert len(table.rows) > 20
+    # The path is one that a robot can drive: 0.6 m/s are 5 mm a frame.
+    steps = np.hypot(*np.diff(shown.path.rows[:, 1:3], axis=0).T)
+    assert 0.0 < steps.max() < 0.02

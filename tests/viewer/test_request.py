@@ -1,0 +1,75 @@
+"""What a stranger may send, and who is let in."""
+
+import math
+
+import pytest
+
+from offboard.viewer.guard import Guard
+from offboard.viewer.request import RequestError, parse_request
+
+GOOD = '{"do": "goal", "robot": "R1", "x1_m": 1, "x2_m": -0.5, "theta_rad": 7.0}'
+
+
+def test_a_goal_is_read_with_its_angle_wrapped():
+    request = parse_request(GOOD)
+    assert (request.do, request.robot) == ("goal", "R1")
+    assert request.goal == pytest.approx((1.0, -0.5, 7.0 - 2.0 * math.pi))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *(
+            "",
+            "x",
+            "[]",
+            "1",
+            "null",
+            '"stop"',
+            "{}",
+            '{"do": "stop"}',
+            '{"do": "stop", "robot": 1}',
+        ),
+        *('{"do": "fly", "robot": "R1"}', '{"do": [], "robot": "R1"}', "[" * 1000, "{" * 2000),
+        *(GOOD.replace("7.0", bad) for bad in ("NaN", "Infinity", "-Infinity", "1e999", "1e300")),
+        *(GOOD.replace("7.0", bad) for bad in ("null", "true", '"1"', "[1]", "1" + "0" * 400)),
+        GOOD.replace('"x2_m": -0.5, ', ""),
+    ],
+)
+def test_what_no_page_sends_is_refused(text):
+    with pytest.raises(RequestError):
+        parse_request(text)
+
+
+LOCAL = {"host": "127.0.0.1:8765"}
+
+
+@pytest.mark.parametrize(
+    ("token", "headers", "query"),
+    [
+        (None, LOCAL, {}),
+        (None, {"host": "localhost:80", "origin": "http://localhost:80"}, {}),
+        (None, {"host": "[::1]:8765"}, {}),
+        ("secret", {"host": "10.0.0.3:8765"}, {"token": "secret"}),
+    ],
+)
+def test_the_own_page_is_let_in(token, headers, query):
+    assert Guard(token).objection(headers, query) is None
+
+
+@pytest.mark.parametrize(
+    ("token", "headers", "query", "why"),
+    [
+        (None, LOCAL | {"origin": "http://evil.example"}, {}, "origin"),
+        (None, LOCAL | {"origin": "null"}, {}, "origin"),
+        (None, LOCAL | {"origin": "http://127.0.0.1:9999"}, {}, "origin"),
+        (None, {"host": "evil.example:8765"}, {}, "host"),
+        (None, {}, {}, "host"),
+        ("secret", LOCAL, {}, "token"),
+        ("secret", LOCAL, {"token": "Secret"}, "token"),
+        ("secret", LOCAL, {"token": "sécret"}, "token"),
+        ("secret", LOCAL | {"origin": "http://evil.example"}, {"token": "secret"}, "origin"),
+    ],
+)
+def test_everybody_else_is_kept_out(token, headers, query, why):
+    assert why in Guard(token).objection(headers, query)

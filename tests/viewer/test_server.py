@@ -1,0 +1,171 @@
+"""The page's server as it runs: its own process, real websockets, a real bus."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import urllib.error
+import urllib.request
+from contextlib import contextmanager
+
+import pytest
+from klab import KLAB
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+import lcmtypes
+from koopman_lab.bus.channels import ESTOP, GOAL, MOCAP_POSE, MPC_STATE, ONBOARD_STATUS
+from koopman_lab.bus.realtime import Listener
+from koopman_lab.config.load import load_config
+
+MOST_TRIES = 300
+WAIT_S = 0.02
+LIMIT_S = 20.0
+URL = f"bus.url={os.environ['LCM_DEFAULT_URL']}"
+
+
+class Bench:
+    """A robot's voice on the bus, and a page's ear at the server."""
+
+    def __init__(self, process, address, name="R1"):
+        self.process, self.address, self.name = process, address, name
+        self.stops, self.goals = [], []
+        self.bus = Listener(load_config(overrides=[URL, f"robot.name={name}"]))
+        self.bus.subscribe(ESTOP, self.stops.append)
+        self.bus.subscribe(GOAL, self.goals.append)
+        self.state = lcmtypes.onboard_status_t.REST
+        self.late_us = 0
+
+    def speak(self):
+        """Say once what a robot that is being parked says."""
+        status, pose, step = (c.type() for c in (ONBOARD_STATUS, MOCAP_POSE, MPC_STATE))
+        status.state, pose.tracking_valid, step.state = self.state, True, step.DRIVING
+        for channel, message in ((ONBOARD_STATUS, status), (MOCAP_POSE, pose), (MPC_STATE, step)):
+            message.utime = self.bus.now_us() - self.late_us
+            self.bus.publish(channel, message)
+        self.bus.spin(WAIT_S)
+
+    @contextmanager
+    def page(self):
+        with connect(self.address.replace("http", "ws") + "ws", max_size=None) as socket:
+            yield socket
+
+    def snapshot(self, socket):
+        while "robots" not in (message := json.loads(socket.recv(LIMIT_S))):
+            pass
+        return message
+
+    def read_on(self, socket):
+        for _ in range(MOST_TRIES):
+            socket.recv(LIMIT_S)
+
+    def until(self, socket, condition):
+        """Speak and listen until a snapshot is as wanted."""
+        for _ in range(MOST_TRIES):
+            self.speak()
+            robot = self.snapshot(socket)["robots"].get(self.name)
+            if robot is not None and condition(robot):
+                return robot
+        return pytest.fail("the page never showed it")
+
+    def ask(self, socket, **request):
+        """Send a request and return the answer."""
+        socket.send(json.dumps({"robot": self.name} | request))
+        for _ in range(MOST_TRIES):
+            self.speak()
+            if self.stops:
+                kind = lcmtypes.onboard_status_t
+                self.state = kind.ESTOP if self.stops[-1].engaged else kind.REST
+            message = json.loads(socket.recv(LIMIT_S))
+            if "said" in message:
+                return message
+        return pytest.fail("no answer")
+
+
+@pytest.fixture(scope="module")
+def served():
+    process = subprocess.Popen(
+        [*KLAB, "view", "--set", URL, "--port", "0"], stderr=subprocess.PIPE, text=True
+    )
+    yield process, re.search(r"http://\S+", process.stderr.readline()).group()
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=LIMIT_S)
+    assert process.returncode == 130
+
+
+@pytest.fixture
+def bench(served):
+    return Bench(*served)
+
+
+def test_the_page_is_served_whole_and_nobody_elses_page_may_use_it(bench):
+    with urllib.request.urlopen(bench.address) as answer:
+        page = answer.read().decode()
+        assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+    # Nothing comes from elsewhere: it works without internet.
+    parts = re.findall(r'(?:src|href)="([^"]+)"', page)
+    assert len(parts) >= 4
+    for part in parts:
+        with urllib.request.urlopen(bench.address + part) as answer:
+            assert answer.read()
+    strange = urllib.request.Request(bench.address, headers={"Host": "evil.example"})
+    with pytest.raises(urllib.error.HTTPError, match="403"):
+        urllib.request.urlopen(strange)
+    with pytest.raises(InvalidStatus, match="403"):
+        connect(bench.address.replace("http", "ws") + "ws", origin="http://evil.example")
+    assert "refused: host 'evil.example'" in bench.process.stderr.readline()
+    assert "refused: origin 'http://evil.example'" in bench.process.stderr.readline()
+
+
+@pytest.mark.parametrize("frame", ["garbage", b"bytes", "x" * 100_000, '{"do": "goal"}'])
+def test_a_client_that_sends_nonsense_is_put_out_and_nothing_moves(bench, frame):
+    with bench.page() as other, bench.page() as socket:
+        bench.until(other, lambda robot: robot["steerable"])
+        socket.send(frame)
+        with pytest.raises(ConnectionClosed):
+            bench.read_on(socket)
+        bench.until(other, lambda robot: robot["steerable"])
+    assert not bench.stops
+    assert not bench.goals
+
+
+def test_stop_goes_out_until_it_is_obeyed_and_release_takes_two_steps(bench):
+    with bench.page() as socket:
+        bench.until(socket, lambda robot: robot["steerable"])
+        assert bench.ask(socket, do="stop") == {"good": True, "said": "R1: STOP confirmed"}
+        bench.until(socket, lambda robot: robot["stopped"])
+        refused = bench.ask(socket, do="release")
+        assert (refused["good"], refused["said"]) == (
+            False,
+            "R1: releasing takes two steps; begin again",
+        )
+        assert bench.ask(socket, do="arm")["good"]
+        assert bench.ask(socket, do="release") == {"good": True, "said": "R1: release confirmed"}
+        bench.until(socket, lambda robot: not robot["stopped"])
+
+
+def test_a_goal_off_the_floor_is_refused_and_a_good_one_is_sent(bench):
+    with bench.page() as socket:
+        bench.until(socket, lambda robot: robot["goal"] is not None)
+        goal = {"do": "goal", "x1_m": 99.0, "x2_m": 0.0, "theta_rad": 0.0}
+        assert "outside" in bench.ask(socket, **goal)["said"]
+        assert not bench.goals
+        socket.send(json.dumps(goal | {"robot": "R1", "x1_m": 0.5}))
+        for _ in range(MOST_TRIES):
+            bench.speak()
+            if bench.goals:
+                break
+        assert bench.goals[0].goal_x1_m == 0.5
+
+
+def test_a_replay_cannot_be_steered(served):
+    bench = Bench(*served, name="R2")
+    bench.late_us = 3600_000_000
+    with bench.page() as socket:
+        robot = bench.until(socket, lambda robot: robot["replay"])
+        assert not robot["steerable"]
+        for do in ("stop", "arm", "goal"):
+            answer = bench.ask(socket, do=do, x1_m=0.0, x2_m=0.0, theta_rad=0.0)
+            assert "replay" in answer["said"]
+    assert not bench.stops
