@@ -11,7 +11,7 @@ from koopman_lab.data.messages import Messages
 from koopman_lab.data.wire import decode_all, decode_each, native_dtype, wire_dtype
 
 TYPES = sorted({channel.type for channel in CHANNELS}, key=lambda t: t.__name__)
-VARIABLE = {lcmtypes.mpc_state_t, lcmtypes.session_info_t}
+VARIABLE = {lcmtypes.mpc_state_t, lcmtypes.session_info_t, lcmtypes.process_t}
 VALUES = {
     "int8_t": st.integers(-(2**7), 2**7 - 1),
     "int32_t": st.integers(-(2**31), 2**31 - 1),
