@@ -6,7 +6,11 @@ number, so that all controllers meet the same starts, in whatever order and proc
 
 from __future__ import annotations
 
+import hashlib
 import math
+import tempfile
+import threading
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +22,7 @@ from koopman_lab.config.schema import CostName, LabConfig
 from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction, PredictionModel
 from koopman_lab.mpc.receding_horizon import solver_of
-from koopman_lab.mpc.solver import Solver
+from koopman_lab.mpc.solver import Plan, Solver
 from koopman_lab.studies.closed_loop import closed_loop
 
 Way = Literal["nominal", "reprojected", "lifted"]
@@ -36,21 +40,42 @@ COLUMNS = (
 )
 
 
+TIMES = ("run_s", "solving_s")
+"""What a row holds besides: real time of the run, and of the solver in it."""
+
+
 @dataclass(frozen=True)
 class Case:
-    """A controller under a label: its configuration, and what it predicts with."""
+    """A controller under a label, and all that another process or machine needs to run it.
+
+    Attributes
+    ----------
+    label
+        Names it within a study.
+    config
+        The lab; of it the robot's kind, the seed and the controller matter.
+    way
+        What it predicts with.
+    duration_s
+        Of a run.
+    model
+        What the model's file holds; empty for ``nominal``.
+    refused
+        Why there is no model, for the rows of its runs.
+    """
 
     label: str
     config: LabConfig
     way: Way
-    model: Path
     duration_s: float
+    model: bytes = b""
+    refused: str = ""
 
 
-def cases(config: LabConfig, model: Path, duration_s: float) -> list[Case]:
+def cases(config: LabConfig, model: bytes, duration_s: float) -> list[Case]:
     """Return a case for each of :data:`CONTROLLERS`."""
     return [
-        Case(f"{cost}-{way}", _configured(config, cost, way), way, model, duration_s)
+        Case(f"{cost}-{way}", _configured(config, cost, way), way, duration_s, model)
         for cost, way in CONTROLLERS
     ]
 
@@ -67,37 +92,91 @@ def start(config: LabConfig, index: int) -> NDArray[np.float64]:
 
 
 def run(case: Case, index: int) -> dict[str, Any]:
-    """Return the row of one run, with :data:`COLUMNS` as keys; a failure is its ``reason``."""
+    """Return the row of one run, with :data:`COLUMNS` as keys; a failure is its ``reason``.
+
+    Besides it has :data:`TIMES`, which no two runs share.
+    """
     x0 = start(case.config, index)
-    row = dict.fromkeys(COLUMNS) | {"case": case.label, "index": index}
+    row = dict.fromkeys(COLUMNS) | {"case": case.label, "index": index} | dict.fromkeys(TIMES, 0.0)
     row |= zip(COLUMNS[2:5], x0[:3].tolist(), strict=True)
+    if case.refused:
+        return row | {"reason": case.refused}
     try:
-        prediction, solver = _made(case)
+        prediction, solver = made(case)
+        began_s, solver.spent_s = time.perf_counter(), 0.0
         done = closed_loop(case.config, prediction, x0, case.duration_s, solver)
     except Exception as error:  # whatever went wrong belongs into the table
         return row | {"reason": f"{type(error).__name__}: {error}"}
+    row |= zip(TIMES, (time.perf_counter() - began_s, solver.spent_s), strict=True)
     if not np.isfinite(done.states).all():
         return row | {"unsolved": done.unsolved, "reason": "the state grew without bound"}
     row |= zip(COLUMNS[5:8], done.states[-1, :3].tolist(), strict=True)
     return row | {"unsolved": done.unsolved}
 
 
-_MADE: dict[str, tuple[PredictionModel, Solver]] = {}
+class Timed:
+    """A solver that adds up the real time it takes.
+
+    Parameters
+    ----------
+    solver
+        Does the work.
+    """
+
+    def __init__(self, solver: Solver) -> None:
+        self._solver = solver
+        self.rollout = solver.rollout
+        self.description = solver.description
+        self.spent_s = 0.0
+
+    def solve(self, x0: NDArray[np.float64], guess: NDArray[np.float64]) -> Plan:
+        """Return a plan; see :class:`~koopman_lab.mpc.solver.Solver`."""
+        began_s = time.perf_counter()
+        plan = self._solver.solve(x0, guess)
+        self.spent_s += time.perf_counter() - began_s
+        return plan
+
+    def disturb(self, d: NDArray[np.float64]) -> None:
+        """Plan with other last parameters; see :class:`~koopman_lab.mpc.solver.Solver`."""
+        self._solver.disturb(d)
 
 
-def _made(case: Case) -> tuple[PredictionModel, Solver]:
-    """Return prediction and solver, made once in a process."""
-    key = f"{case.way} {case.model} {case.config.model_dump_json()}"
-    if key not in _MADE:
+# Of each thread: a solver serves one, and a worker of a cluster may have several.
+_MADE = threading.local()
+
+
+def made(case: Case) -> tuple[PredictionModel, Timed]:
+    """Return prediction and solver, made once in a process and thread.
+
+    Raises
+    ------
+    LabError
+        If model and configuration do not fit.
+    """
+    known: dict[str, tuple[PredictionModel, Timed]] = _MADE.__dict__.setdefault("known", {})
+    content = hashlib.sha256(case.model).hexdigest()
+    key = f"{case.way} {content} {case.config.model_dump_json()}"
+    if key not in known:
         prediction: PredictionModel = (
             NominalPrediction(case.config.robot.kind, case.config.controller.dt_s)
             if case.way == "nominal"
-            else KoopmanPrediction(BilinearModel.load(case.model))
+            else KoopmanPrediction(_loaded(case.model))
         )
-        _MADE[key] = prediction, solver_of(prediction, case.config)
-    return _MADE[key]
+        known[key] = prediction, Timed(solver_of(prediction, case.config))
+    return known[key]
+
+
+def _loaded(content: bytes) -> BilinearModel:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "model.npz"
+        file.write_bytes(content)
+        return BilinearModel.load(file)
 
 
 def _configured(config: LabConfig, cost: CostName, way: Way) -> LabConfig:
-    chosen = {"cost": cost, "reprojection": way != "lifted"}
+    return with_controller(config, cost=cost, reprojection=way != "lifted")
+
+
+def with_controller(config: LabConfig, **chosen: Any) -> LabConfig:
+    """Return the lab with other settings of the controller."""
     return config.model_copy(update={"controller": config.controller.model_copy(update=chosen)})

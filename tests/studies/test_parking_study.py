@@ -1,5 +1,6 @@
-"""The parking studies: the same table whoever ran what, and after an interruption."""
+"""The studies from random starts: the same table whoever ran what, and after an interruption."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -8,15 +9,18 @@ import pytest
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import DataError
 from koopman_lab.studies import parking
-from koopman_lab.studies.runner import run_all
+from koopman_lab.studies.pools import Processes
+from koopman_lab.studies.runner import Study, run_study
 
 MODEL = Path(__file__).parents[1] / "data" / "reference" / "model.npz"
+ONE = Processes(1)
 
 
 def tiny(*overrides: str) -> list[parking.Case]:
     wanted = ("controller.horizon=5", "controller.use_compiler=false", *overrides)
     lab = load_config(robot="kinematic", overrides=wanted)
-    return [c for c in parking.cases(lab, MODEL, 0.2) if c.label in ("ds-lifted", "me-nominal")]
+    made = parking.cases(lab, MODEL.read_bytes(), 0.2)
+    return [case for case in made if case.label in ("ds-lifted", "me-nominal")]
 
 
 def test_all_controllers_meet_the_same_starts():
@@ -37,23 +41,26 @@ def test_a_failing_run_is_a_row_with_its_reason():
 
 
 def test_workers_chunks_and_interruptions_leave_no_trace(tmp_path):
-    run_all(tmp_path / "one", tiny(), runs=3)
+    study = Study("tiny", tiny(), 3)
+    run_study(tmp_path / "one", study, ONE)
     table = (tmp_path / "one" / "rows.csv").read_bytes()
     assert len(table.splitlines()) == 7
-    run_all(tmp_path / "two", tiny(), runs=3, workers=2, chunk=1)
+    run_study(tmp_path / "two", study, Processes(2), chunk=1)
     assert (tmp_path / "two" / "rows.csv").read_bytes() == table
     rows = tmp_path / "one" / "rows.jsonl"
     rows.write_bytes(rows.read_bytes()[:-300])
     assert not rows.read_bytes().endswith(b"\n")
     (tmp_path / "one" / "rows.csv").unlink()
-    run_all(tmp_path / "one", tiny(), runs=3, resume=True)
+    run_study(tmp_path / "one", study, ONE, resume=True)
     assert (tmp_path / "one" / "rows.csv").read_bytes() == table
     assert len(rows.read_bytes().splitlines()) == 6
+    one, two = (json.loads((tmp_path / n / "study.json").read_text()) for n in ("one", "two"))
+    assert one == two
 
 
 def test_another_study_is_not_mixed_in(tmp_path):
-    run_all(tmp_path, tiny()[:1], runs=1)
+    run_study(tmp_path, Study("tiny", tiny()[:1], 1), ONE)
     with pytest.raises(DataError, match="--resume"):
-        run_all(tmp_path, tiny()[:1], runs=1)
+        run_study(tmp_path, Study("tiny", tiny()[:1], 1), ONE)
     with pytest.raises(DataError, match="other settings"):
-        run_all(tmp_path, tiny("seed=5")[:1], runs=1, resume=True)
+        run_study(tmp_path, Study("tiny", tiny("seed=5")[:1], 1), ONE, resume=True)
