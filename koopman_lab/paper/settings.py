@@ -213,8 +213,8 @@ SETTINGS = (
         "5.3",
         "Runs of each reference trajectory",
         "20",
-        ("infinity", "", 20.0, of.fact("infinity", "runs")),
-        ("square", "", 20.0, of.fact("square", "runs")),
+        ("infinity", "", 20.0, of.fact("dynamic-infinity", "runs")),
+        ("square", "", 20.0, of.fact("dynamic-square", "runs")),
     ),
     _same(
         "steps-ahead",

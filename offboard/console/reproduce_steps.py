@@ -42,7 +42,7 @@ class Size:
         )
 
 
-FULL = Size(100, 20, 1000, 1000, 1000, "0.1,1,10", 20)
+FULL = Size(100, 20, 1000, 1000, 200, "0.1,1,10", 20)
 QUICK = Size(30, 5, 40, 16, 16, "1,10", 2)
 
 
@@ -56,7 +56,7 @@ def steps(size: Size, seed: int) -> list[Step]:
     seed
         Of the sessions, the lab runs and the starts.
     """
-    return [*_kinematic(seed), *_dynamic(size, seed)]
+    return [*_kinematic(seed), *_dynamic(size, seed), *_studies(size, seed)]
 
 
 def _step(name: str, *words: str | int, resumable: bool = False, parallel: bool = False) -> Step:
@@ -111,8 +111,8 @@ def _dynamic(size: Size, seed: int) -> list[Step]:
             "dynamic-session",
             *("calibrate", *robot, "--segments", size.segments, "--out", "dynamic-session"),
         ),
-        drive("infinity", "infinity", "dynamic"),
-        drive("square", "square", "dynamic"),
+        drive("dynamic-infinity", "infinity", "dynamic"),
+        drive("dynamic-square", "square", "dynamic"),
         drive("kinematic-infinity", "infinity", "kinematic"),
         *(
             _step(name, "train", "dynamic-session", "--dictionary", name, "--out", file)
@@ -125,14 +125,22 @@ def _dynamic(size: Size, seed: int) -> list[Step]:
         ),
         _step(
             "dictionaries",
-            *("figure", "dictionaries", *models, "infinity", "square"),
+            *("figure", "dictionaries", *models, "dynamic-infinity", "dynamic-square"),
             *("--out", "dictionaries/dictionaries"),
         ),
         _step(
             "multistep",
-            *("figure", "multistep", baseline, "infinity", "--out", "multistep/multistep"),
+            *("figure", "multistep", baseline, "dynamic-infinity", "--out", "multistep/multistep"),
         ),
-        _step("validation", "validate", *models, "infinity", "square", "--out", "validation"),
+        _step(
+            "validation",
+            "validate",
+            *models,
+            "dynamic-infinity",
+            "dynamic-square",
+            "--out",
+            "validation",
+        ),
         _step(
             "kinematic-validation",
             *("validate", "kinematic-model/model.npz", "kinematic-infinity"),
@@ -156,5 +164,28 @@ def _dynamic(size: Size, seed: int) -> list[Step]:
             "needed",
             *("dataset", "needed", "dynamic-session", "--repetitions", size.repetitions),
             *("--out", "needed/needed"),
+        ),
+    ]
+
+
+def _studies(size: Size, seed: int) -> list[Step]:
+    slow, model = "kinematic-slow-model/model.npz", "D8Eul/D8Eul.npz"
+
+    def study(name: str, runs: int, *given: str) -> Step:
+        words = ("study", name, *given, "--runs", runs, "--seed", seed, "--out", name)
+        return _step(name, *words, resumable=True, parallel=True)
+
+    sessions = ("--dataset-kinematic", "kinematic-session", "--dataset-dynamic", "dynamic-session")
+    return [
+        study("kinematic-parking", size.starts, "--model", slow),
+        study("dynamic-parking", size.starts, "--model", model),
+        study("data-efficiency", size.efficiency_starts, *sessions),
+        study("horizon", size.other_starts, "--model", model),
+        study("combination", size.other_starts, "--dataset", "dynamic-session"),
+        study("fit", size.other_starts, "--dataset", "dynamic-session"),
+        _step(
+            "weights",
+            *("study", "weights", "--model", model, "--factors", size.factors),
+            *("--out", "weights/weights.csv"),
         ),
     ]

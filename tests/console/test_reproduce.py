@@ -11,6 +11,10 @@ import typer
 from klab import klab
 
 from koopman_lab.errors import LabStateError
+from koopman_lab.paper.claim import judge
+from koopman_lab.paper.claims import CLAIMS, SETTINGS
+from koopman_lab.paper.found import Found
+from koopman_lab.paper.pictures import PICTURES, STUDIES
 from offboard.console import steps as runner
 from offboard.console.main import app
 from offboard.console.reproduce_steps import FULL, QUICK, steps
@@ -46,6 +50,15 @@ def test_each_step_is_a_command_line_that_needs_only_steps_before_it(size):
         command.make_context("klab", rest)
         # Nothing lands outside of the step's own folder.
         assert step.arguments[step.arguments.index("--out") + 1].split("/")[0] == step.name
+
+
+def test_claims_and_figures_are_of_steps_that_there_are(tmp_path):
+    names = {step.name for step in steps(QUICK, seed=1)}
+    found = Found(tmp_path)
+    for claim in (*CLAIMS, *SETTINGS):
+        assert set(judge(claim, found).steps) <= names
+    assert {picture.step for picture in PICTURES} <= names
+    assert set(STUDIES) <= names
 
 
 def test_a_killed_run_leaves_no_process_and_goes_on_with_the_step_it_was_in(tmp_path):
