@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from koopman_lab.paper import measures as of
 from koopman_lab.paper.claim import Claim, Part
-from koopman_lab.paper.kinematic import QUADRATIC, WEIGHTS
+from koopman_lab.paper.kinematic import QUADRATIC, WEIGHTS, weights_claim
 from koopman_lab.paper.verdict import AtLeast, AtMost
 
 RELIABLE_MM = 2.0
@@ -83,6 +83,13 @@ CLOSED_LOOP = (
             for way in ("nominal", "reprojected")
         ],
         WEIGHTS,
+    ),
+    weights_claim(
+        "dynamic-weights",
+        "5.4",
+        "From the start of the simulation, it is the cost that fails and not its weights.",
+        "weights-dynamic",
+        RELIABLE_MM,
     ),
     Claim(
         "dynamic-mixed-reliable",

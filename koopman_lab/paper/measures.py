@@ -69,6 +69,13 @@ def quantile_mm(study: str, case: str, q: float) -> Measure:
     return lambda found: float(np.quantile(found.ends_mm(study, case), q, method="inverted_cdf"))
 
 
+def median_of_grid_mm(step: str, cost: str) -> Measure:
+    """Measure the median of |x2| over the settings of a cost in `klab study weights`, in mm."""
+    return lambda found: float(
+        np.median(found.column(step, f"{step}.csv", "x2_last_mm", cost=cost))
+    )
+
+
 def runs(study: str, case: str) -> Measure:
     """Measure how many runs a case of a study has."""
     return lambda found: float(len(found.ends_mm(study, case)))

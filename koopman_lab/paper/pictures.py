@@ -135,6 +135,7 @@ STUDIES = (
     "horizon",
     "combination",
     "fit",
-    "weights",
 )
 """Whose tables the report holds."""
+GRIDS = ("weights-kinematic", "weights-dynamic")
+"""Studies of weights, whose settings the report sums up by cost."""

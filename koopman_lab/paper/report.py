@@ -14,9 +14,10 @@ from matplotlib.image import imread, imsave
 from koopman_lab.errors import DataError
 from koopman_lab.files import replacing, write_text
 from koopman_lab.paper.claim import Judged
+from koopman_lab.paper.found import Found
 from koopman_lab.paper.made import Made
 from koopman_lab.paper.page import Block, Code, Heading, Image, Table, Text, as_html, as_markdown
-from koopman_lab.paper.pictures import PICTURES, STUDIES, Picture
+from koopman_lab.paper.pictures import GRIDS, PICTURES, STUDIES, Picture
 from koopman_lab.paper.verdict import Verdict
 
 REPORT = "report"
@@ -26,6 +27,7 @@ README_FIGURES = "scripts/results"
 """Where the repository keeps these figures."""
 SMALLER = 2
 """By which figures of the README are smaller than those of the report."""
+GRID_LIMITS_MM = (1.0, 2.0, 5.0)
 FEW = 3
 """So many numbers of a claim fit into the README."""
 TITLE = "Data-driven predictive control of nonholonomic robots: the paper's claims"
@@ -151,6 +153,11 @@ def _page(
             yield Heading(3, study)
             yield Code([facts.steps[study].command])
             yield _table_of(folder / study / "table.csv")
+    for grid in GRIDS:
+        if grid in facts.steps:
+            yield Heading(3, grid)
+            yield Code([facts.steps[grid].command])
+            yield _summed_up(folder, grid)
     yield Heading(2, "Steps")
     yield Text("In the folder of this report, in this order.")
     yield Table(
@@ -184,6 +191,19 @@ def _table_of(file: Path) -> Table:
     except (OSError, ValueError):
         raise DataError(f"{file}: no table can be read; run its step again") from None
     return Table(columns, [[_short(cell) for cell in row] for row in rows])
+
+
+def _summed_up(folder: Path, grid: str) -> Table:
+    """Return by cost what the largest |x2| of the last second is over the settings."""
+    found, file, name = Found(folder), f"{grid}.csv", "x2_last_mm"
+    rows = []
+    for cost in dict.fromkeys(row["cost"] for row in found.rows(grid, file)):
+        ends = found.column(grid, file, name, cost=cost)
+        shares = [f"{100 * np.mean(ends < limit):.0f} %" for limit in GRID_LIMITS_MM]
+        spread = [_short(str(value)) for value in np.quantile(ends, (0.0, 0.5, 1.0))]
+        rows.append([cost, str(len(ends)), *spread, *shares])
+    limits = (f"below {limit:g} mm" for limit in GRID_LIMITS_MM)
+    return Table(("cost", "settings", "best mm", "median mm", "worst mm", *limits), rows)
 
 
 def _short(cell: str) -> str:

@@ -43,7 +43,7 @@ class Size:
 
 
 FULL = Size(100, 20, 1000, 1000, 200, "0.1,1,10", 20)
-QUICK = Size(30, 5, 40, 16, 16, "1,10", 2)
+QUICK = Size(30, 5, 40, 16, 8, "1,10", 2)
 
 
 def steps(size: Size, seed: int) -> list[Step]:
@@ -184,8 +184,13 @@ def _studies(size: Size, seed: int) -> list[Step]:
         study("combination", size.other_starts, "--dataset", "dynamic-session"),
         study("fit", size.other_starts, "--dataset", "dynamic-session"),
         _step(
-            "weights",
+            "weights-kinematic",
+            *("study", "weights", "--model", slow, *PARALLEL, "--factors", size.factors),
+            *("--out", "weights-kinematic/weights-kinematic.csv"),
+        ),
+        _step(
+            "weights-dynamic",
             *("study", "weights", "--model", model, "--factors", size.factors),
-            *("--out", "weights/weights.csv"),
+            *("--out", "weights-dynamic/weights-dynamic.csv"),
         ),
     ]

@@ -107,6 +107,7 @@ def run(
     """
     with _locked(folder) as lock, _lifeline() as (lifeline, cut):
         done = finished(folder, steps)
+        kept = set(done)
         waiting = [step for step in steps if step.name not in done]
         if done:
             tell(f"{len(done)} of {len(steps)} steps are done already")
@@ -118,7 +119,10 @@ def run(
                         continue
                     waiting.remove(step)
                     tell(f"{step.name}: {step.command}")
-                    running[pool.submit(_make, folder, step, workers, (lock, lifeline))] = step
+                    # What was begun with files that have been made anew since begins anew.
+                    anew = not step.resumable or not step.needs(steps) <= kept
+                    of = (folder, step, workers, anew, (lock, lifeline))
+                    running[pool.submit(_make, *of)] = step
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     step = running.pop(future)
                     done[step.name] = made = future.result()
@@ -132,8 +136,8 @@ def _room(step: Step, running: dict[Future[Made], Step], workers: int) -> bool:
     return len(running) < workers
 
 
-def _make(folder: Path, step: Step, workers: int, kept: tuple[int, int]) -> Made:
-    """Run a step's command; ``kept`` are the descriptors of lock and lifeline."""
+def _make(folder: Path, step: Step, workers: int, anew: bool, descriptors: tuple[int, int]) -> Made:
+    """Run a step's command; ``descriptors`` are those of lock and lifeline."""
     place = folder / step.name
     marker = place / MARKER
     arguments = list(step.arguments)
@@ -142,22 +146,22 @@ def _make(folder: Path, step: Step, workers: int, kept: tuple[int, int]) -> Made
         arguments += ["--workers", str(workers)]
     if place.exists():
         marker.unlink(missing_ok=True)
-        if step.resumable and any(place.iterdir()):
-            arguments.append("--resume")
-        else:
+        if anew:
             shutil.rmtree(place)
+        else:
+            arguments.append("--resume")
     log = folder / LOGS / f"{step.name}.txt"
     log.parent.mkdir(exist_ok=True)
     began_s = time.monotonic()
     with log.open("wb") as file:
         code = subprocess.run(
-            [sys.executable, "-m", "offboard.console.attended", str(kept[1]), *arguments],
+            [sys.executable, "-m", "offboard.console.attended", str(descriptors[1]), *arguments],
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=file,
             stderr=file,
             # The lock is held until the last step has ended, too, should this process be killed.
-            pass_fds=kept,
+            pass_fds=descriptors,
             check=False,
         ).returncode
     if code != 0:

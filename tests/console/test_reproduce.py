@@ -1,6 +1,7 @@
 """`klab reproduce`: its steps, and the runner that keeps what is done."""
 
 import contextlib
+import dataclasses
 import json
 import signal
 import subprocess
@@ -14,7 +15,7 @@ from koopman_lab.errors import LabStateError
 from koopman_lab.paper.claim import judge
 from koopman_lab.paper.claims import CLAIMS, SETTINGS
 from koopman_lab.paper.found import Found
-from koopman_lab.paper.pictures import PICTURES, STUDIES
+from koopman_lab.paper.pictures import GRIDS, PICTURES, STUDIES
 from offboard.console import steps as runner
 from offboard.console.main import app
 from offboard.console.reproduce_steps import FULL, QUICK, steps
@@ -58,7 +59,7 @@ def test_claims_and_figures_are_of_steps_that_there_are(tmp_path):
     for claim in (*CLAIMS, *SETTINGS):
         assert set(judge(claim, found).steps) <= names
     assert {picture.step for picture in PICTURES} <= names
-    assert set(STUDIES) <= names
+    assert {*STUDIES, *GRIDS} <= names
 
 
 def test_a_killed_run_leaves_no_process_and_goes_on_with_the_step_it_was_in(tmp_path):
@@ -124,6 +125,20 @@ def test_what_is_made_of_something_that_runs_again_runs_again(tmp_path):
     assert set(finished(tmp_path, [FIRST, simulation(2)])) == {"first"}
     (tmp_path / "first" / MARKER).unlink()
     assert not finished(tmp_path, [FIRST, simulation(1)])
+
+
+def test_a_step_that_can_go_on_does_unless_what_it_needs_was_made_anew(tmp_path):
+    # A simulation cannot go on, and says so.
+    listed = [FIRST, dataclasses.replace(simulation(1), resumable=True)]
+    mark(tmp_path, FIRST)
+    (tmp_path / "path").mkdir()
+    (tmp_path / "path" / "begun").touch()
+    with pytest.raises(LabStateError, match="--resume"):
+        run(tmp_path, listed, 1, nothing)
+    assert (tmp_path / "path" / "begun").exists()
+    (tmp_path / "first" / MARKER).unlink()
+    assert set(run(tmp_path, listed, 1, nothing)) == {"first", "path"}
+    assert not (tmp_path / "path" / "begun").exists()
 
 
 def test_nothing_runs_when_all_is_done(tmp_path):
