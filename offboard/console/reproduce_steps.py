@@ -172,8 +172,12 @@ def _studies(size: Size, seed: int) -> list[Step]:
     slow, model = "kinematic-slow-model/model.npz", "D8Eul/D8Eul.npz"
 
     def study(name: str, runs: int, *given: str) -> Step:
-        words = ("study", name, *given, "--runs", runs, "--seed", seed, "--out", name)
-        return _step(name, *words, resumable=True, parallel=True)
+        return _step(
+            name,
+            *("study", name, *given, "--runs", str(runs), "--seed", str(seed), "--out", name),
+            resumable=True,
+            parallel=True,
+        )
 
     sessions = ("--dataset-kinematic", "kinematic-session", "--dataset-dynamic", "dynamic-session")
     return [

@@ -1,7 +1,6 @@
 """`klab reproduce`: its steps, and the runner that keeps what is done."""
 
 import contextlib
-import dataclasses
 import json
 import signal
 import subprocess
@@ -9,7 +8,7 @@ import sys
 
 import pytest
 import typer
-from klab import klab
+from klab import REFERENCE, klab
 
 from koopman_lab.errors import LabStateError
 from koopman_lab.paper.claim import judge
@@ -21,6 +20,7 @@ from offboard.console.main import app
 from offboard.console.reproduce_steps import FULL, QUICK, steps
 from offboard.console.steps import MARKER, Step, finished, run
 
+PARK = REFERENCE / "park.lcm"
 SMALL = ("--set", "controller.horizon=5", "--duration")
 FIRST = Step("first", ("simulate", *SMALL, "1", "--out", "first"))
 
@@ -128,17 +128,20 @@ def test_what_is_made_of_something_that_runs_again_runs_again(tmp_path):
 
 
 def test_a_step_that_can_go_on_does_unless_what_it_needs_was_made_anew(tmp_path):
-    # A simulation cannot go on, and says so.
-    listed = [FIRST, dataclasses.replace(simulation(1), resumable=True)]
-    mark(tmp_path, FIRST)
-    (tmp_path / "path").mkdir()
-    (tmp_path / "path" / "begun").touch()
-    with pytest.raises(LabStateError, match="--resume"):
-        run(tmp_path, listed, 1, nothing)
-    assert (tmp_path / "path" / "begun").exists()
+    first = Step("first", ("log", "info", str(PARK)))
+    # It reads nothing of the first step, but names its folder. It cannot go on, and says so.
+    second = Step("second", ("log", "info", f"first/../{PARK.name}"), resumable=True)
+    (tmp_path / PARK.name).symlink_to(PARK)
+    mark(tmp_path, first)
+    (tmp_path / "second").mkdir()
+    (tmp_path / "second" / "begun").touch()
+    with pytest.raises(LabStateError, match="step second failed"):
+        run(tmp_path, [first, second], 1, nothing)
+    assert "--resume" in (tmp_path / "logs" / "second.txt").read_text()
+    assert (tmp_path / "second" / "begun").exists()
     (tmp_path / "first" / MARKER).unlink()
-    assert set(run(tmp_path, listed, 1, nothing)) == {"first", "path"}
-    assert not (tmp_path / "path" / "begun").exists()
+    assert set(run(tmp_path, [first, second], 1, nothing)) == {"first", "second"}
+    assert not (tmp_path / "second" / "begun").exists()
 
 
 def test_nothing_runs_when_all_is_done(tmp_path):
