@@ -138,7 +138,8 @@ class Cluster:
 
         waiting = iter(chunks)
         try:
-            begun = as_completed(self._submit(itertools.islice(waiting, AHEAD * self.workers)))
+            first = self._submit(itertools.islice(waiting, AHEAD * self.workers))
+            begun = as_completed(first, loop=self._client.loop)
             for future in begun:
                 yield future.result()
                 begun.update(self._submit(itertools.islice(waiting, 1)))
