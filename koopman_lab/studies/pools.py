@@ -14,7 +14,7 @@ from koopman_lab.errors import LabStateError
 from koopman_lab.studies.parking import Case, made, run
 
 Chunk = tuple[Case, Sequence[int]]
-CONNECT_S = 10.0
+CONNECT_S = 20.0
 """Within which a scheduler must answer and have a worker."""
 AHEAD = 4
 """Chunks sent to a cluster for each thread of its workers, so that none of them waits."""
@@ -73,8 +73,8 @@ class Processes:
         import joblib
         from joblib.externals.loky.process_executor import BrokenProcessPool
 
-        pool = joblib.Parallel(return_as="generator_unordered", batch_size=1)
         with joblib.parallel_config("loky", n_jobs=self.workers, inner_max_num_threads=1):
+            pool = joblib.Parallel(return_as="generator_unordered", batch_size=1)
             try:
                 yield from pool(joblib.delayed(run_chunk)(*each) for each in chunks)
             except BrokenProcessPool:
@@ -91,6 +91,8 @@ class Cluster:
     ----------
     address
         Of the scheduler, e.g. ``tcp://192.0.2.1:8786``.
+    workers
+        How many to wait for; those that come later join in.
 
     Raises
     ------
@@ -98,7 +100,7 @@ class Cluster:
         If dask.distributed is not installed, or the scheduler does not answer or has no worker.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, workers: int = 1) -> None:
         try:
             from distributed import Client
         except ImportError:
@@ -115,7 +117,7 @@ class Cluster:
                 "and name the address it prints"
             ) from None
         try:
-            self._client.wait_for_workers(1, timeout=CONNECT_S)
+            self._client.wait_for_workers(workers, timeout=CONNECT_S)
         except TimeoutError:
             self._client.close()
             raise LabStateError(
@@ -138,7 +140,8 @@ class Cluster:
 
         waiting = iter(chunks)
         try:
-            begun = as_completed(self._submit(itertools.islice(waiting, AHEAD * self.workers)))
+            first = self._submit(itertools.islice(waiting, AHEAD * self.workers))
+            begun = as_completed(first, loop=self._client.loop)
             for future in begun:
                 yield future.result()
                 begun.update(self._submit(itertools.islice(waiting, 1)))
