@@ -66,7 +66,7 @@ class Row:
 
 
 def parks(
-    model: Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")],
+    model: options.ModelFile,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Number of starts.")] = 100,
     seed: options.Seed = None,
     config: options.ConfigFile = None,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from enum import Enum
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -38,7 +37,7 @@ CHANGES: dict[str, dict[str, Any]] = {
 
 
 def compare(
-    model: Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")],
+    model: options.ModelFile,
     controller: Annotated[
         list[Contestant] | None,
         typer.Option(
@@ -47,10 +46,7 @@ def compare(
             "be named. Default: all.",
         ),
     ] = None,
-    start: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option("--start", metavar="X Y THETA", help="m, m, degrees; default as the paper."),
-    ] = None,
+    start: options.Start = None,
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
     lockstep: options.InLockstep = False,

@@ -46,10 +46,7 @@ def simulate(
     model: Annotated[
         Path | None, typer.Option("--model", metavar="FILE", help="From `klab train`.")
     ] = None,
-    start: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option("--start", metavar="X Y THETA", help="m, m, degrees; default as the paper."),
-    ] = None,
+    start: options.Start = None,
     cost: Annotated[
         list[CostChoice] | None, typer.Option("--cost", help="Stage cost; several may be named.")
     ] = None,
