@@ -39,8 +39,8 @@ typedef struct {
   plan_t now, next, best;
   double feed[STEPS][2], gain[STEPS][2][N], w[SZ_W + 1];
   casadi_int iw[SZ_IW + 1];
-  /* Whether the value curved down in an input: in the last descent, and in its last iterations. */
-  int concave, concave_late;
+  /* Whether, in the last descent's last iterations, the value curved down in an input. */
+  int concave;
 } work_t;
 
 int ddp_work_size(void) { return sizeof(work_t); }
@@ -242,15 +242,13 @@ static int rearrange(work_t *m, const double *p, const double *u_max) {
 static int descend(work_t *m, const double *p, const double *u_max, double tolerance, int most) {
   double weight = 0.0;
   int raises = 0, late = 0;
-  m->concave = 0;
   for (int iteration = 1; iteration <= most; ++iteration) {
     const double value = m->now.value;
     double first, second, share = 1.0;
     int accepted = 0, concave;
     backward(m, p, u_max, weight, &first, &second, &concave);
     late = concave ? RECENT : late - 1;
-    m->concave |= concave;
-    m->concave_late = late > 0;
+    m->concave = late > 0;
     for (int search = 0; search < SEARCHES && !accepted; ++search, share *= 0.5) {
       forward(m, p, u_max, share);
       accepted = m->next.value <= value + SUFFICIENT * share * (first + share * second);
@@ -296,7 +294,7 @@ int ddp_solve(void *work, const double *s0, const double *p, const double *u_max
   memset(m, 0, sizeof *m);
   int count = improve(m, s0, p, u_max, tolerance, most, 1.0, inputs), spent = abs(count);
   m->best = m->now;
-  if (m->concave_late && spent < most) {
+  if (m->concave && spent < most) {
     const int more = improve(m, s0, p, u_max, tolerance, most - spent, INSIDE, inputs);
     spent += abs(more);
     if (m->now.value < m->best.value) {
