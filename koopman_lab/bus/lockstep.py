@@ -14,7 +14,7 @@ from itertools import count
 from typing import Any
 
 from koopman_lab.bus.channels import Channel, M
-from koopman_lab.bus.node import Node
+from koopman_lab.bus.node import Node, RawHandler
 from koopman_lab.bus.port import BasePort
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
@@ -44,8 +44,8 @@ class LockstepPort(BasePort):
     def send(self, name: str, data: bytes) -> None:
         """Queue the message for every node that listens."""
         runner = self._runner
-        for order, port in runner.routes.get(name, ()):
-            runner.push(runner.now_us, order, partial(port.deliver, name, data))
+        for order, deliver in runner.routes.get(name, ()):
+            runner.push(runner.now_us, order, partial(deliver, name, data))
 
     def later(self, at_us: int, action: Callable[[int], None]) -> None:
         """Call ``action`` at ``at_us`` among this node's messages."""
@@ -76,8 +76,8 @@ class Lockstep:
         self._config = config
         self._nodes: list[Node] = []
         self._ports: list[LockstepPort] = []
-        self.routes: dict[str, list[tuple[int, LockstepPort]]] = {}
-        """By channel name: who listens, and that node's order."""
+        self.routes: dict[str, list[tuple[int, RawHandler]]] = {}
+        """By channel name: the order of each node that listens, and what hands it a message."""
         self._queue: list[tuple[int, int, int, int, Any]] = []
         self._sequence = count()
         self._injector: LockstepPort | None = None
@@ -89,8 +89,8 @@ class Lockstep:
         port.attach(node)
         self._nodes.append(node)
         self._ports.append(port)
-        for name in port.handlers:
-            self.routes.setdefault(name, []).append((order, port))
+        for name in port.inlets:
+            self.routes.setdefault(name, []).append((order, port.deliver))
         for timer in port.timers:
             timer.start(self.now_us)
             item = (timer.deadline_us, order, TIMER, next(self._sequence), timer)
