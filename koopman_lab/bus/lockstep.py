@@ -44,8 +44,10 @@ class LockstepPort(BasePort):
     def send(self, name: str, data: bytes) -> None:
         """Queue the message for every node that listens."""
         runner = self._runner
-        for order, deliver in runner.routes.get(name, ()):
-            runner.push(runner.now_us, order, partial(deliver, name, data))
+        listeners = runner.routes.get(name)
+        if listeners is not None:
+            for order, deliver in listeners:
+                runner.push(runner.now_us, order, partial(deliver, name, data))
 
     def later(self, at_us: int, action: Callable[[int], None]) -> None:
         """Call ``action`` at ``at_us`` among this node's messages."""
@@ -131,22 +133,24 @@ class Lockstep:
         """
         end_us = self.now_us + round(limit_s * US_PER_S)
         next_report_us = self.now_us
-        queue, sequence, push = self._queue, self._sequence, heapq.heappush
+        queue, sequence = self._queue, self._sequence
+        push, pop = heapq.heappush, heapq.heappop
         while queue:
-            item = heapq.heappop(queue)
-            time_us, order, kind, _, what = item
-            if time_us > end_us:
-                push(queue, item)
-                break
-            if self.finished and time_us > self.now_us:
-                push(queue, item)
-                return True
-            self.now_us = time_us
-            if kind == MESSAGE:
-                what(time_us)
-            else:
+            item = pop(queue)
+            time_us, order, is_timer, _, what = item
+            if time_us > self.now_us:
+                if time_us > end_us:
+                    push(queue, item)
+                    break
+                if self.finished:
+                    push(queue, item)
+                    return True
+                self.now_us = time_us
+            if is_timer:
                 what.fire(time_us)
                 push(queue, (what.deadline_us, order, TIMER, next(sequence), what))
+            else:
+                what(time_us)
             if time_us >= next_report_us:
                 next_report_us += US_PER_S
                 if on_progress is not None:

@@ -44,18 +44,18 @@ class Timer:
         Older ticks that are due as well are skipped and counted: a burst to catch up would run
         the component at times that have passed.
         """
-        deadline_us = self.deadline_us
+        deadline_us, period_us = self.deadline_us, self._period_us
         late_us = now_us - deadline_us
-        if late_us >= self._period_us:
-            behind = int(late_us / self._period_us)
+        if late_us >= period_us:
+            behind = int(late_us / period_us)
             self.missed += behind
             self._index += behind
-            deadline_us = self._start_us + round(self._index * self._period_us)
+            deadline_us = self._start_us + round(self._index * period_us)
             late_us = now_us - deadline_us
         self.tick(deadline_us)
         self.run += 1
         self._index = index = self._index + 1
-        self.deadline_us = self._start_us + round(index * self._period_us)
+        self.deadline_us = self._start_us + round(index * period_us)
         return late_us
 
 
