@@ -49,11 +49,7 @@ class Cameras:
     def expose(self, utime: int, pose: PlainPose, *, hidden: bool = False) -> None:
         """Take a picture of the robot at its true pose at ``utime``; of nothing if it is hidden."""
         e1, e2, e3, luck, delay_us = next(self._numbers)
-        if (
-            hidden
-            or luck < self._lost_share
-            or (self._occlusions_per_s and self._occluded(utime))
-        ):
+        if hidden or luck < self._lost_share or (self._occlusions_per_s and self._occluded(utime)):
             frame = Frame(utime, NOTHING, False)
         else:
             x1, x2, theta = pose
