@@ -46,8 +46,9 @@ class LockstepPort(BasePort):
         runner = self._runner
         listeners = runner.routes.get(name)
         if listeners is not None:
+            now_us, push = runner.now_us, runner.push
             for order, deliver in listeners:
-                runner.push(runner.now_us, order, partial(deliver, name, data))
+                push(now_us, order, partial(deliver, name, data))
 
     def later(self, at_us: int, action: Callable[[int], None]) -> None:
         """Call ``action`` at ``at_us`` among this node's messages."""
@@ -147,7 +148,7 @@ class Lockstep:
                     return True
                 self.now_us = time_us
             if is_timer:
-                what.fire(time_us)
+                what.fire_in_time()
                 push(queue, (what.deadline_us, order, TIMER, next(sequence), what))
             else:
                 what(time_us)

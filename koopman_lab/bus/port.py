@@ -44,19 +44,22 @@ class Timer:
         Older ticks that are due as well are skipped and counted: a burst to catch up would run
         the component at times that have passed.
         """
-        deadline_us, period_us = self.deadline_us, self._period_us
-        late_us = now_us - deadline_us
-        if late_us >= period_us:
-            behind = int(late_us / period_us)
+        late_us = now_us - self.deadline_us
+        if late_us >= self._period_us:
+            behind = int(late_us / self._period_us)
             self.missed += behind
             self._index += behind
-            deadline_us = self._start_us + round(self._index * period_us)
-            late_us = now_us - deadline_us
-        self.tick(deadline_us)
+            self.deadline_us = self._start_us + round(self._index * self._period_us)
+            late_us = now_us - self.deadline_us
+        self.fire_in_time()
+        return late_us
+
+    def fire_in_time(self) -> None:
+        """Run the next tick, where none can be late."""
+        self.tick(self.deadline_us)
         self.run += 1
         self._index = index = self._index + 1
-        self.deadline_us = self._start_us + round(index * period_us)
-        return late_us
+        self.deadline_us = self._start_us + round(index * self._period_us)
 
 
 class Outlet:
