@@ -12,7 +12,6 @@ from onboard.plant.battery import Battery
 
 MOST_TRANSITIONS = 8192
 
-
 Transition = tuple[tuple[float, float, float], tuple[float, float]]
 """What is left of a deviation from the steady speeds after a step.
 

@@ -78,8 +78,7 @@ class Plant:
         )
         self._left_rad = 0.0
         self._right_rad = 0.0
-        self._half_left, self._half_right = 0.5 * left_m, 0.5 * right_m
-        self._turn_left, self._turn_right = left_m / track_m, right_m / track_m
+        self._rolling = (0.5 * left_m, 0.5 * right_m, left_m / track_m, right_m / track_m)
         self._slip = body.slip_angle_rad_s2_per_m
         self._counts_per_rad = config.motor_loop.encoder_counts_per_rev / (2.0 * math.pi)
         self._largest_step_us = max(1, round(config.plant.largest_step_s * US_PER_S))
@@ -137,10 +136,8 @@ class Plant:
     def body_velocity(self) -> tuple[float, float]:
         """Return the true ``(v, omega)`` in m/s and rad/s; v is along the robot."""
         left, right = self.drives.left_rad_per_s, self.drives.right_rad_per_s
-        return (
-            self._half_left * left + self._half_right * right,
-            self._turn_right * right - self._turn_left * left,
-        )
+        half_left, half_right, turn_left, turn_right = self._rolling
+        return half_left * left + half_right * right, turn_right * right - turn_left * left
 
     def _step(self, drives: Drives, step_us: int) -> None:
         left, right = drives.left_rad_per_s, drives.right_rad_per_s
@@ -153,8 +150,7 @@ class Plant:
         self._left_rad += half_s * (left + new_left)
         self._right_rad += half_s * (right + new_right)
         # Inside a step both wheel speeds, and with them v and omega, change linearly.
-        half_left, half_right = self._half_left, self._half_right
-        turn_left, turn_right = self._turn_left, self._turn_right
+        half_left, half_right, turn_left, turn_right = self._rolling
         v = half_left * left + half_right * right
         omega = turn_right * right - turn_left * left
         dv = half_left * new_left + half_right * new_right - v
