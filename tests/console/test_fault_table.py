@@ -9,7 +9,8 @@ from klab import klab, klab_json, klab_ok
 from koopman_lab.config.load import load_config
 from koopman_lab.config.schema import Fault, FaultKind
 from offboard.console.bench_faults import suffer
-from offboard.console.fault_scenarios import SCENARIOS, Inject, Scenario
+from offboard.console.fault_scenarios import SCENARIOS, Scenario
+from offboard.console.fault_strikes import Inject
 
 ROWS = pytest.mark.parametrize(
     ("robot", "scenario"),
