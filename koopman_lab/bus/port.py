@@ -9,12 +9,20 @@ from functools import partial
 from typing import Any
 
 import lcmtypes
-from koopman_lab.bus.channels import ABOARD, CHANNELS, FAULT, HEARTBEATS, Channel, M
+from koopman_lab.bus.channels import (
+    ABOARD,
+    CHANNELS,
+    FAULT,
+    HEARTBEATS,
+    PLANT_RESET,
+    Channel,
+    M,
+)
 from koopman_lab.bus.clock import DriftingClock
 from koopman_lab.bus.node import Node, RawHandler, Tick
 from koopman_lab.bus.radio import RadioPair, radio_pair
 from koopman_lab.bus.sequence import SMALLEST_MESSAGE, SequenceCounter, peek, restamp
-from koopman_lab.bus.wire import Wire
+from koopman_lab.bus.wire import Wire, from_log
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.robot.faults import Faults, fault_of
 from koopman_lab.units import US_PER_S
@@ -90,6 +98,7 @@ class BasePort(ABC):
         self._clock: DriftingClock | None = None
         self._wired = {c.name(self.robot_name) for c in CHANNELS if c.wired}
         self._wires: dict[str, Wire] = {}
+        self._by_hand = {c.name(self.robot_name) for c in (FAULT, PLANT_RESET)}
         if node_name in (ABOARD, "plant"):
             self._wires = {
                 c.name(self.robot_name): Wire() for c in CHANNELS if c.wired and c.rate != "event"
@@ -216,6 +225,8 @@ class BasePort(ABC):
             wire = self._wires.get(name)
             if wire is not None and not wire.takes(utime, arrived_us):
                 return
+            if name in self._by_hand and from_log(utime, arrived_us):
+                return  # what a person did to the robot of then
             if self._clock is not None and name in self._wired:
                 # The board reads its encoders itself, and so stamps them by its own clock.
                 data = restamp(data, self._own_us(utime))
