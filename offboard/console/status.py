@@ -121,6 +121,8 @@ def _heard(lab: LabConfig) -> tuple[Listener, LabView]:
 def _show(found: dict[str, list[Entry]]) -> None:
     from rich.table import Table
 
+    from offboard.viewer.roll import DIED
+
     if not any(found.values()):
         return
     table = Table()
@@ -136,6 +138,6 @@ def _show(found: dict[str, list[Entry]]) -> None:
     out.print(table)
     for robot, entries in sorted(found.items()):
         for e in entries:
-            if e.told is not None and e.told.last_lines:
+            if e.told is not None and e.state == DIED:
                 out.print(f"{robot} {e.name}: {e.told.log_file} ends with:", markup=False)
-                out.print(e.told.last_lines, markup=False)
+                out.print(e.told.last_lines or "(it said nothing)", markup=False)
