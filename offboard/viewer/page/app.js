@@ -123,7 +123,7 @@ for (const kind of ["keydown", "keyup"]) {
 
 function choose() {
   const names = Object.keys(robots);
-  if (!names.includes(selected)) selected = names[0] ?? null;
+  if (!names.includes(selected)) selected = names.find((name) => robots[name].steerable) ?? names[0] ?? null;
   const place = get("robots");
   const shown = [...place.querySelectorAll("input")].map((input) => input.value);
   if (shown.join() !== names.join()) {
