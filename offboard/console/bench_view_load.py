@@ -7,7 +7,6 @@ import json
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -21,7 +20,7 @@ from koopman_lab.bus.channels import HEARTBEATS
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from offboard.console.bench_session import drive
-from offboard.console.view import HOST
+from offboard.console.view import HOST, free_port
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
@@ -115,7 +114,7 @@ def measure(
 
     beats: list[lcmtypes.node_status_t] = []
     listener.subscribe(HEARTBEATS["onboard"], beats.append)
-    port, meter, delays = _free_port(), _Meter(), list[float]()
+    port, meter, delays = free_port(), _Meter(), list[float]()
     address = f"{HOST}:{port}"
     with contextlib.ExitStack() as stack:
         lab = stack.enter_context(supervised(config, folder, listener))
@@ -226,13 +225,6 @@ def _page(address: str) -> Iterator[Any]:
 
 
 MOST_TRIES, TRY_MS = 150, 200.0
-
-
-def _free_port() -> int:
-    with socket.socket() as free:
-        free.bind((HOST, 0))
-        port: int = free.getsockname()[1]
-        return port
 
 
 def _spread(values: list[float]) -> Spread:
