@@ -28,6 +28,8 @@ from offboard.viewer.roll import ALIVE, DIED, Entry
 FOLDER = "labs"
 """In the user's cache folder."""
 TAIL_LINES = 12
+FORGOTTEN_S = 7 * 86_400.0
+"""After a week a lab that broke, and was never started again, is news to nobody."""
 KLAB = ("klab", "offboard.console.main", "console/main.py")
 
 
@@ -110,6 +112,8 @@ def broken(url: str, now_us: int) -> dict[str, list[Entry]]:
             told.last_lines = "\n".join(last_lines(log))
             nothing = (None, None, None)
             age_s = (now_us - utime) / US_PER_S
+            if age_s > FORGOTTEN_S:
+                continue
             entries.append(
                 Entry(row.name, DIED, pid, age_s, *nothing, row.needs, row.stopped_by, told)
             )

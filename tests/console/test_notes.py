@@ -1,5 +1,7 @@
 """What is known of a lab that broke, after everybody who could say it is gone."""
 
+import os
+
 import pytest
 
 from koopman_lab.config.load import load_config
@@ -16,12 +18,12 @@ def lab(bus_url, tmp_path, monkeypatch):
     monkeypatch.setenv("KOOPMAN_LAB_CACHE", str(tmp_path / "cache"))
     config = load_config(overrides=[f"bus.url={bus_url}"])
     folder = RunFolder(tmp_path / "run")
-    file = folder.process_log("plant")
-    file.parent.mkdir(parents=True)
-    file.write_text("first\nno room for the wheels\n")
     note = Note(config, folder)
+    folder.process_log("plant").parent.mkdir(parents=True)
     for pid, name in enumerate(("logger", "plant", "onboard"), start=100):
         note.started(name, pid)
+        folder.process_log(name).write_text("first\nno room for the wheels\n")
+        os.utime(folder.process_log(name), ns=(NOW_US * 1000, NOW_US * 1000))
     return config, folder, note
 
 
@@ -41,6 +43,7 @@ def test_who_died_is_known_with_its_last_lines_when_all_others_have_ended(lab, b
     assert entry.told.log_file == str(folder.process_log("plant").absolute())
     assert entry.told.last_lines == "first\nno room for the wheels"
     assert broken("udpm://239.255.76.67:1?ttl=0", NOW_US) == {}
+    assert broken(bus_url, NOW_US + round(8 * 86_400e6))["R1"] == []
 
 
 @pytest.mark.usefixtures("lab")
