@@ -35,6 +35,8 @@ LONGEST_LINE = 200
 """Characters of each of the last lines that go over the bus."""
 FAREWELLS = 3
 """How a process ended is said this often: UDP loses messages, and nobody says it later."""
+SHOWN_S = 1.0
+"""So long the page goes on after a process died, to say so to whoever looks."""
 SCARCE_BYTES = 1 << 16
 """With less room than this on its disk, a process may have had none for its last words."""
 
@@ -170,6 +172,10 @@ class Supervisor:
     def stop(self) -> None:
         """Stop all children in order: SIGINT, then SIGTERM, then SIGKILL, 3 s each; say so."""
         for name in sorted(self._children, key=NAMES.index):
+            if name == "view" and any(
+                state == lcmtypes.process_t.DIED for state, _ in self._ended.values()
+            ):
+                time.sleep(SHOWN_S)
             _stop(self._children[name])
             code = self._children[name].returncode
             self._note_end(name, lcmtypes.process_t.FINISHED, "" if code is None else _how(code))
