@@ -9,12 +9,12 @@ from functools import partial
 from typing import Any
 
 import lcmtypes
-from koopman_lab.bus.channels import ABOARD, FAULT, HEARTBEATS, Channel, M
+from koopman_lab.bus.channels import ABOARD, FAULT, HEARTBEATS, PLANT_RESET, Channel, M
 from koopman_lab.bus.clock import DriftingClock
 from koopman_lab.bus.node import Node, RawHandler, Tick
 from koopman_lab.bus.radio import RadioPair, radio_pair
 from koopman_lab.bus.sequence import SMALLEST_MESSAGE, SequenceCounter, peek, restamp
-from koopman_lab.bus.wire import Wire
+from koopman_lab.bus.wire import Wire, from_log
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.robot.faults import Faults, fault_of
 from koopman_lab.units import US_PER_S
@@ -74,9 +74,11 @@ class Outlet:
 class Inlet:
     """One channel that a node listens to."""
 
-    def __init__(self, by_radio: bool, wire: Wire | None, restamped: bool) -> None:
+    def __init__(self, by_radio: bool, wire: Wire | None, by_hand: bool, restamped: bool) -> None:
         self.by_radio = by_radio
         self.wire = wire
+        self.by_hand = by_hand
+        """Whether a person does it to the robot, so that a log must not do it again."""
         self.restamped = restamped
         """Whether the board reads it itself, and so stamps it by its own clock."""
         self.counter = SequenceCounter()
@@ -194,6 +196,7 @@ class BasePort(ABC):
             inlet = self.inlets[name] = Inlet(
                 by_radio=self._radio is not None and not channel.wired,
                 wire=Wire() if wired_end and channel.rate != "event" else None,
+                by_hand=channel in (FAULT, PLANT_RESET),
                 restamped=self._clock is not None and channel.wired,
             )
         inlet.handlers.append(handler)
@@ -236,6 +239,8 @@ class BasePort(ABC):
         if len(data) >= SMALLEST_MESSAGE:
             utime, sequence = peek(data)
             if inlet.wire is not None and not inlet.wire.takes(utime, arrived_us):
+                return
+            if inlet.by_hand and from_log(utime, arrived_us):
                 return
             if inlet.restamped:
                 data = restamp(data, self._own_us(utime))
