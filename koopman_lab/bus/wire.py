@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+from koopman_lab.units import US_PER_S
+
+REPLAY_S = 5.0
+"""A message that was stamped so much earlier or later is a log's; no network takes so long."""
+
 OLDEST_US = 1_000_000
 """Older than the newest message by more, it is a replayed log's; no wire takes so long."""
 SILENCE_US = 50_000
 """After five motor ticks without a message an older one is a sender whose clock was set."""
+
+
+def from_log(utime: int, now_us: int) -> bool:
+    """Return whether a message stamped ``utime`` (us), heard at ``now_us``, comes from a log."""
+    return abs(now_us - utime) > REPLAY_S * US_PER_S
 
 
 class Wire:

@@ -11,8 +11,8 @@ QUADRATIC = ("ce-reprojected", "ce-lifted", "ds-reprojected", "ds-lifted")
 SIGNIFICANT_MM = 1.0
 """The paper prints no figure for a significant deviation; its good runs end far below this one."""
 WEIGHTS = (
-    "The paper prints no weights. Ours of the quadratic costs are the best that `klab study "
-    "weights` found, which favours them."
+    "The paper prints no weights. Ours are good ones for both starts by `klab study weights`, "
+    "those of the quadratic costs too."
 )
 
 GRID = "Each group of weights times each factor, and the bounds halved and doubled."

@@ -97,24 +97,22 @@ def as_table(rows: list[Row], kind: str) -> Any:
     """Return the rows for a person."""
     from rich.table import Table
 
-    table = Table("fault", "during", "motor loop", title=f"faults of the {kind} robot")
-    table.add_column("stands after", justify="right")
-    table.add_column("allowed", justify="right")
-    table.add_column("rolls", justify="right")
-    table.add_column("wheel up to", justify="right")
-    table.add_column("operator")
+    # For a terminal of 80 columns: these leave room for the longest word, RIGHT_WHEEL_STUCK.
+    table = Table(title=f"faults of the {kind} robot")
+    table.add_column("fault", max_width=18, overflow="fold")
+    for column in ("stands\nafter\n(s)", "allow-\ned (s)", "rolls\n(cm)", "wheel\n(rad/s)"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("motor loop, and what the operator reads", overflow="fold")
     for row in rows:
-        stands = "drives on" if row.stood_after_s is None else f"{row.stood_after_s:.2f} s"
         refused = ", ".join(f"{n} x {reason}" for reason, n in row.refused.items())
+        states = " > ".join(row.states) + (f"; refuses {refused}" if refused else "")
         table.add_row(
-            row.fault,
-            row.activity,
-            " > ".join(row.states) + (f"; refuses {refused}" if refused else ""),
-            stands,
-            "" if row.bound_s is None else f"{row.bound_s:.2f} s",
-            f"{100.0 * row.rolled_m:.1f} cm",
-            f"{row.fastest_wheel_rad_per_s:.1f} rad/s",
-            row.told or row.session,
+            row.fault if row.activity == "park" else f"{row.fault} ({row.activity})",
+            "drives\non" if row.stood_after_s is None else f"{row.stood_after_s:.2f}",
+            "" if row.bound_s is None else f"{row.bound_s:.2f}",
+            f"{100.0 * row.rolled_m:.1f}",
+            f"{row.fastest_wheel_rad_per_s:.1f}",
+            f"{states}\n{row.told or row.session}",
         )
     return table
 

@@ -33,6 +33,7 @@ def demo(
     ] = None,
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
+    preset: options.Preset = options.PresetName.lab,
     seed: options.Seed = None,
     robot_name: options.RobotsName = None,
     url: options.Url = None,
@@ -47,10 +48,10 @@ def demo(
     from offboard.console.watch import ear
 
     kind = options.kind_of(robot)
-    lab = options.resolve(config, overrides, kind, seed=seed, url=url, robot_name=robot_name)
+    lab = options.resolve(config, overrides, kind, preset, seed, url, robot_name)
     count = segments if segments is not None else SEGMENTS[lab.robot.kind]
     wanted = [*(overrides or ()), f"sampler.segments_per_basis={count}"]
-    lab = options.resolve(config, wanted, kind, seed=seed, url=url, robot_name=robot_name)
+    lab = options.resolve(config, wanted, kind, preset, seed, url, robot_name)
     listener = ear(lab, lockstep=lockstep)
     top = new_folder(directory, "demo", lab)
     runs = count * len(lab.sampler.basis_inputs)

@@ -7,7 +7,6 @@ import json
 import os
 import signal
 import socket
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
@@ -17,7 +16,6 @@ from offboard.console.terminal import err, out
 from offboard.console.topics import spin_for
 
 if TYPE_CHECKING:
-    import lcmtypes
     from koopman_lab.bus.realtime import Listener
     from koopman_lab.config.schema import LabConfig
     from offboard.viewer.roll import Entry
@@ -25,7 +23,6 @@ if TYPE_CHECKING:
 
 END_LIMIT_S = 60.0
 """Seven processes that all ignore SIGINT and SIGTERM take 42 s."""
-KLAB = ("klab", "offboard.console.main", "console/main.py")
 
 
 def status(
@@ -36,10 +33,13 @@ def status(
 ) -> None:
     """Show the processes of every robot on the bus: state, needs, who may stop them.
 
-    The exit code is 1 where one is silent or died, or none is there.
+    What died stays in the table, with the last lines of its log, until a lab is started again. The
+    exit code is 1 where one is silent or died, or none is there.
 
     Example: klab status
     """
+    from offboard.console.notes import broken, with_broken
+
     lab = options.resolve(config, overrides, None, url=url)
     listener, view = _heard(lab)
     now_us = listener.now_us()
@@ -48,13 +48,16 @@ def status(
         for name, robot in view.robots.items()
         if not robot.replayed(now_us)
     }
+    if not any(found.values()):
+        err.print(f"no process heard on {lab.bus.url}; `klab up` starts a lab")
+    found = with_broken(found, broken(lab.bus.url, now_us))
     if as_json:
         from offboard.viewer.json_values import entry_row
 
         rows = {name: [entry_row(e) for e in entries] for name, entries in sorted(found.items())}
         out.print_json(json.dumps(rows))
     else:
-        _show(found, lab)
+        _show(found)
     if any(e.state in ("silent", "died") for entries in found.values() for e in entries) or not any(
         found.values()
     ):
@@ -72,13 +75,18 @@ def down(
     Example: klab down --robot-name R2
     """
     from koopman_lab.errors import LabStateError
+    from offboard.console.notes import alive, is_klab
 
     lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
     listener, view = _heard(lab)
     robot = view.robots.get(lab.robot.name)
     entries = [] if robot is None else robot.entries(listener.now_us())
     told = [e.told for e in entries if e.told is not None and e.told.state == e.told.RUNNING]
-    here = {t.supervisor_pid for t in told if t.host == socket.gethostname() and _is_klab(t)}
+    here = {
+        t.supervisor_pid
+        for t in told
+        if t.host == socket.gethostname() and is_klab(t.supervisor_pid)
+    }
     elsewhere = {t.host for t in told} - {socket.gethostname()}
     if elsewhere:
         err.print(f"{lab.robot.name} has processes on {', '.join(sorted(elsewhere))} as well")
@@ -92,8 +100,8 @@ def down(
     for pid in here:
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, signal.SIGINT)
-    spin_for(listener, END_LIMIT_S, lambda: not any(map(_alive, here)))
-    left = sorted(filter(_alive, here))
+    spin_for(listener, END_LIMIT_S, lambda: not any(map(alive, here)))
+    left = sorted(filter(alive, here))
     if left:
         raise LabStateError(f"{lab.robot.name}: still running: process {', '.join(map(str, left))}")
     err.print(f"{lab.robot.name} is down")
@@ -110,11 +118,12 @@ def _heard(lab: LabConfig) -> tuple[Listener, LabView]:
     return listener, view
 
 
-def _show(found: dict[str, list[Entry]], lab: LabConfig) -> None:
+def _show(found: dict[str, list[Entry]]) -> None:
     from rich.table import Table
 
+    from offboard.viewer.roll import DIED
+
     if not any(found.values()):
-        err.print(f"no process heard on {lab.bus.url}; `klab up` starts a lab")
         return
     table = Table()
     for column in ("robot", "process", "state", "pid", "heard (s)", "needs", "who may stop it"):
@@ -129,29 +138,6 @@ def _show(found: dict[str, list[Entry]], lab: LabConfig) -> None:
     out.print(table)
     for robot, entries in sorted(found.items()):
         for e in entries:
-            if e.told is not None and e.told.last_lines:
+            if e.told is not None and e.state == DIED:
                 out.print(f"{robot} {e.name}: {e.told.log_file} ends with:", markup=False)
-                out.print(e.told.last_lines, markup=False)
-
-
-def _is_klab(told: lcmtypes.process_t) -> bool:
-    """Return whether the command that a message names is one of ours; numbers are used again."""
-    try:
-        words = (
-            Path(f"/proc/{told.supervisor_pid}/cmdline")
-            .read_bytes()
-            .decode(errors="replace")
-            .split("\0")
-        )
-    except OSError:
-        return False
-    return any(word.endswith(KLAB) for word in words)
-
-
-def _alive(pid: int) -> bool:
-    """Return whether a process exists and is no zombie."""
-    try:
-        line = Path(f"/proc/{pid}/stat").read_text()
-    except OSError:
-        return False
-    return line.rpartition(")")[2].split()[0] != "Z"
+                out.print(e.told.last_lines or "(it said nothing)", markup=False)

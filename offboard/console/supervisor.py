@@ -21,6 +21,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.units import US_PER_S
 from offboard.console.folder import RunFolder
+from offboard.console.notes import Note, last_lines
 from offboard.processes import NAMES
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
@@ -30,11 +31,12 @@ READY_LIMIT_S = 30.0
 """Importing the solver on a busy board takes seconds."""
 LISTEN_S = 1.2
 """More than two heartbeats, to know who is there already."""
-TAIL_LINES = 12
 LONGEST_LINE = 200
 """Characters of each of the last lines that go over the bus."""
 FAREWELLS = 3
 """How a process ended is said this often: UDP loses messages, and nobody says it later."""
+SHOWN_S = 1.0
+"""So long the page goes on after a process died, to say so to whoever looks."""
 SCARCE_BYTES = 1 << 16
 """With less room than this on its disk, a process may have had none for its last words."""
 
@@ -79,6 +81,7 @@ class Supervisor:
         self._heard: dict[str, int] = {}
         self._ended: dict[str, tuple[int, str]] = {}
         self._announced_us = 0
+        self._note = Note(config, folder)
         self._lifeline_read, self._lifeline_write = os.pipe()
         for name, channel in HEARTBEATS.items():
             listener.subscribe(channel, _note(name, self._heard))
@@ -115,6 +118,7 @@ class Supervisor:
                 pass_fds=[self._lifeline_read],
                 start_new_session=True,
             )
+        self._note.started(name, self._children[name].pid)
 
     def wait_ready(self, *names: str) -> None:
         """Wait until these children have been heard on the bus.
@@ -147,9 +151,11 @@ class Supervisor:
             code = child.poll()
             if code is None or (code == 0 and name in DRIVERS):
                 continue
-            file, how, lines = self._folder.process_log(name), _how(code), self._last_lines(name)
+            file, how = self._folder.process_log(name), _how(code)
+            lines = last_lines(file)
             self._note_end(name, lcmtypes.process_t.DIED, how)
             self._announce(FAREWELLS)
+            self._note.died(name, how, self._announced_us)
             last = "\n".join(f"    {line}" for line in lines) or f"    ({_nothing_said(file)})"
             raise LabStateError(f"{name} died ({how}); {file} ends with:\n{last}")
         if self._listener.now_us() >= self._announced_us + self._period_us():
@@ -166,17 +172,18 @@ class Supervisor:
     def stop(self) -> None:
         """Stop all children in order: SIGINT, then SIGTERM, then SIGKILL, 3 s each; say so."""
         for name in sorted(self._children, key=NAMES.index):
+            if name == "view" and any(
+                state == lcmtypes.process_t.DIED for state, _ in self._ended.values()
+            ):
+                time.sleep(SHOWN_S)
             _stop(self._children[name])
             code = self._children[name].returncode
             self._note_end(name, lcmtypes.process_t.FINISHED, "" if code is None else _how(code))
             self._announce()
         self._announce(FAREWELLS)
+        self._note.over()
         os.close(self._lifeline_write)
         os.close(self._lifeline_read)
-
-    def _last_lines(self, name: str) -> list[str]:
-        file = self._folder.process_log(name)
-        return file.read_text(errors="replace").splitlines()[-TAIL_LINES:]
 
     def _note_end(self, name: str, state: int, how: str) -> None:
         """Keep how a child ended; the first word counts."""
@@ -198,8 +205,8 @@ class Supervisor:
                 self._note_end(name, message.FINISHED, _how(0))
             message.state, message.ended = self._ended.get(name, (message.RUNNING, ""))
             if message.state == message.DIED:
-                lines = (line[:LONGEST_LINE] for line in self._last_lines(name))
-                message.last_lines = "\n".join(lines)
+                lines = last_lines(self._folder.process_log(name))
+                message.last_lines = "\n".join(line[:LONGEST_LINE] for line in lines)
             self._listener.publish(PROCESS, message)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import socket
 from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
@@ -11,11 +13,15 @@ import typer
 from offboard.console import options
 from offboard.console.folder import new_folder
 from offboard.console.terminal import err, status_line
-from offboard.console.view import HOST, PORT, Port
+from offboard.console.view import HOST, PORT, Port, free_port
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
     from offboard.console.supervisor import Supervisor
+
+PAGE_LIMIT_S = 30.0
+"""As long as other processes may take to start."""
+WAIT_S = 0.1
 
 
 def up(
@@ -58,7 +64,9 @@ def up(
         with supervised(lab_config, folder, listener) as lab:
             start_missing(lab, set(), folder)
             if view:
+                port = port or free_port()
                 lab.start("view", "--port", str(port))
+                _wait_served(listener, lab, port)
                 err.print(f"page: http://{HOST}:{port}/")
             name, kind = lab_config.robot.name, lab_config.robot.kind
             err.print(f"{name} ({kind}) is up on {lab_config.bus.url}; log: {folder.log}")
@@ -71,6 +79,18 @@ def up(
     except KeyboardInterrupt:
         err.print("stopped")
         raise typer.Exit(130) from None
+
+
+def _wait_served(listener: Listener, lab: Supervisor, port: int) -> None:
+    """Wait until the page can be opened, so that nobody follows its address into nothing."""
+    from koopman_lab.errors import LabStateError
+
+    for _ in range(round(PAGE_LIMIT_S / WAIT_S)):
+        with contextlib.suppress(OSError), socket.create_connection((HOST, port), WAIT_S):
+            return
+        listener.spin(WAIT_S)
+        lab.check()
+    raise LabStateError(f"view: not served on port {port} within {PAGE_LIMIT_S:g} s")
 
 
 def _follow(listener: Listener, lab: Supervisor, show: Callable[[str], None]) -> None:

@@ -106,6 +106,14 @@ def serve(config: LabConfig, host: str, port: int, lifeline_fd: int | None = Non
         raise typer.Exit(INTERRUPTED) from None
 
 
+def free_port() -> int:
+    """Return a TCP port of this machine that nobody uses now."""
+    with socket.socket() as free:
+        free.bind((HOST, 0))
+        port: int = free.getsockname()[1]
+        return port
+
+
 def _shown(host: str) -> str:
     """Return how a browser is to name the host."""
     if host in EVERYWHERE:

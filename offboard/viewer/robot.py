@@ -9,6 +9,7 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.channels import ABOARD, Channel
 from koopman_lab.bus.sequence import SMALLEST_MESSAGE, peek
+from koopman_lab.bus.wire import from_log
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ConfigError
@@ -36,8 +37,6 @@ MOST_ROWS = 2400
 """Two minutes."""
 YOUNG_S = 1.0
 """What is older is shown no more as what is."""
-REPLAY_S = 5.0
-"""A message that was stamped so much earlier or later is a log's; no network takes so long."""
 REPLAY_MEMORY_S = 3.0
 """So long after its last message a replay still counts as going on."""
 TABLES_S = 0.5
@@ -192,7 +191,7 @@ class RobotView:
 
     def _judge_time(self, channel: Channel[Any], utime: int, arrived_us: int) -> None:
         """Tell what is said now from what a log said once; the board's clock may be wrong."""
-        if abs(arrived_us - utime) <= REPLAY_S * US_PER_S:
+        if not from_log(utime, arrived_us):
             self._fresh_us = arrived_us
         elif channel.publisher != ABOARD:
             self._old_us = arrived_us

@@ -149,7 +149,7 @@ def banners(
         Whether the cameras do not see the robot.
     """
     lines = [
-        f"{died(entry.told)}; its last lines stand in the table of processes"
+        f"{died(entry.told)}; the table of processes says what it said last"
         for entry in entries
         if entry.state == DIED and entry.told is not None
     ]

@@ -10,8 +10,12 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.wire import SILENCE_US, Wire
 from koopman_lab.config.load import load_config
+from koopman_lab.config.schema import Fault
 from koopman_lab.data.eventlog import read_events
+from koopman_lab.geometry import Pose
+from koopman_lab.robot.faults import fault_message
 from koopman_lab.units import US_PER_S
+from offboard.placing import reset_message
 from onboard.motor_loop.loop import State
 from onboard.motor_loop.node import OnboardNode
 from onboard.plant.node import PlantNode
@@ -81,3 +85,25 @@ def test_a_release_from_a_log_does_not_undo_the_emergency_stop():
     assert onboard.loop.state is State.ESTOP
     say(engaged=False, age_s=0.0)
     assert onboard.loop.state is State.REST
+
+
+def test_a_hand_or_a_fault_from_a_log_does_nothing_to_the_robot_of_today():
+    lab, plant = Lockstep(load_config(), NOW_US), PlantNode(load_config())
+    lab.add(plant)
+    lab.add(OnboardNode(load_config()))
+    lab.run(0.5)
+    where = plant.plant.pose
+
+    def say(age_s):
+        utime = lab.now_us - round(age_s * US_PER_S)
+        lab.publish(channels.FAULT, fault_message(Fault(kind="battery_low"), utime))
+        lab.publish(channels.PLANT_RESET, reset_message(Pose(1.0, 0.5, 0.0), utime))
+        lab.run(0.2)
+
+    for age_s in (3600.0, 6.0, -6.0):
+        say(age_s)
+        assert plant.plant.pose == where
+        assert plant.plant.battery_v > 7.0
+    say(0.0)
+    assert plant.plant.pose.x1 > 0.9
+    assert plant.plant.battery_v < 6.5

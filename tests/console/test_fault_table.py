@@ -1,15 +1,18 @@
 """Every row of the table of faults (`klab bench faults`), with the real nodes in lockstep."""
 
+import io
 from dataclasses import asdict
 from typing import get_args
 
 import pytest
 from klab import klab, klab_json, klab_ok
+from rich.console import Console
 
 from koopman_lab.config.load import load_config
 from koopman_lab.config.schema import Fault, FaultKind
-from offboard.console.bench_faults import suffer
-from offboard.console.fault_scenarios import SCENARIOS, Inject, Scenario
+from offboard.console.bench_faults import Row, as_table, suffer
+from offboard.console.fault_scenarios import SCENARIOS, Scenario
+from offboard.console.fault_strikes import Inject
 
 ROWS = pytest.mark.parametrize(
     ("robot", "scenario"),
@@ -73,6 +76,23 @@ def test_bench_faults_as_json_and_as_a_table():
     assert row["stood_after_s"] is None
     printed = klab_ok("bench", "faults", "--only", "sampler dies", "--robot", "dynamic")
     assert "faults of the dynamic robot" in printed
+
+
+def test_the_table_cuts_no_word_off_in_a_narrow_terminal():
+    scenario = next(s for s in SCENARIOS if s.activity == "calibrate" and "stalled" in s.name)
+    told = "R1_ONBOARD_STATUS: the robot is stopped (right wheel stuck); `klab estop --release`"
+    states = ("DRIVING", "FAULT RIGHT_WHEEL_STUCK")
+    row = Row(
+        *(scenario.name, scenario.activity, states, {"stopped": 76}, True),
+        *(0.14, 0.57, 0.011, 9.0, "has ended", told),
+    )
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(as_table([row], "kinematic"))
+    printed = console.export_text()
+    assert "…" not in printed
+    for word in ("RIGHT_WHEEL_STUCK;", "R1_ONBOARD_STATUS:", "--release`", "calibrate"):
+        assert word in printed
+    assert max(map(len, printed.splitlines())) <= 80
 
 
 def test_planned_faults_strike_without_a_message(tmp_path):

@@ -9,7 +9,7 @@ from klab import MODEL, SMALL_AREA, alive, klab_ok, start_klab
 from koopman_lab.bus.channels import HEARTBEATS, PLANT_TRUTH
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
-from offboard.console.fault_scenarios import by_driver, by_estop, by_watchdog
+from offboard.console.fault_bounds import by_driver, by_estop, by_watchdog
 from offboard.console.fault_stage import Sight, is_at_rest
 
 FAST_M_PER_S = 0.2

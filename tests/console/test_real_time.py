@@ -27,6 +27,7 @@ from koopman_lab.bus.channels import CHANNELS, HEARTBEATS, ONBOARD_STATUS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
 from koopman_lab.data.eventlog import read_events
+from offboard.console.notes import broken
 from offboard.console.rerun import REAL_TIME_SHARE
 
 LARGEST_SHARE_MISSED = 0.05
@@ -54,6 +55,7 @@ class Ear:
     """Hears who is alive."""
 
     def __init__(self, url):
+        self.url = url
         self.listener = Listener(config(url))
         self.pids = {}
         self.status = None
@@ -104,6 +106,9 @@ def test_no_process_outlives_the_supervisor(up, ear, number):
     code = process.wait(timeout=30)
     assert code == (-signal.SIGKILL if number is signal.SIGKILL else 130)
     ear.wait_until_gone(pids)
+    lost = broken(ear.url, ear.listener.now_us()).get("R1", [])
+    left = set(STANDING) if number is signal.SIGKILL else set()
+    assert {entry.name for entry in lost} == left
 
 
 @pytest.mark.parametrize("victim", STANDING)
@@ -113,8 +118,13 @@ def test_a_process_that_dies_is_named_and_the_others_stop(up, ear, victim, tmp_p
     said, _ = process.communicate(timeout=60)
     assert process.returncode == 2
     assert f"{victim} died (signal SIGKILL)" in said
-    assert str(tmp_path / "up" / "processes" / f"{victim}.log") in said
+    file = str(tmp_path / "up" / "processes" / f"{victim}.log")
+    assert file in said
     ear.wait_until_gone(pids)
+    # Whoever asks later is told as well.
+    (entry,) = broken(ear.url, ear.listener.now_us())["R1"]
+    assert (entry.name, entry.pid, entry.told.log_file) == (victim, pids[victim], file)
+    assert entry.told.ended == "signal SIGKILL"
 
 
 @pytest.mark.usefixtures("up")

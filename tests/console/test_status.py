@@ -9,8 +9,10 @@ from test_real_time import Ear
 
 
 @pytest.fixture
-def up(bus_url, tmp_path):
+def up(bus_url, tmp_path, monkeypatch):
     """Bring a lab up; give its process and the ids of its children."""
+    # What broke in other tests is remembered elsewhere.
+    monkeypatch.setenv("KOOPMAN_LAB_CACHE", str(tmp_path / "cache"))
     ear = Ear(bus_url)
     process = start_klab("up", "--out", tmp_path / "up")
     yield process, ear.wait_for("plant", "onboard", "logger")

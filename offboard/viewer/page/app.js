@@ -11,7 +11,7 @@ const SILENT_MS = 2000;
 const ARMED_MS = 10000;
 
 let socket = null, robots = {}, selected = null, heardAt = 0, lost = "connecting to klab view";
-let spoken = "", later = [], snapshotUs = 0, fresh = false, slowAt = 0, armed = null;
+let spoken = "", warned = "", later = [], snapshotUs = 0, fresh = false, slowAt = 0, armed = null;
 const kept = new Map(); // by robot: rows of the plots, segments, and the numbers of the oldest
 const floor = new Floor(get("floor"), (x1, x2, theta) => {
   const goal = robots[selected]?.goal;
@@ -78,8 +78,10 @@ function sendGoal(x1_m, x2_m, theta_rad) {
 
 function disarm() {
   clearTimeout(armed);
+  const focused = document.activeElement === get("release");
   get("release").hidden = true;
   get("arm").hidden = false;
+  if (focused) get("arm").focus(); // a button that goes takes the focus along
 }
 
 get("stop").addEventListener("click", stop);
@@ -91,7 +93,7 @@ get("arm").addEventListener("click", () => {
   get("release").focus();
   armed = setTimeout(disarm, ARMED_MS);
 });
-get("release").addEventListener("click", () => { send({ do: "release", robot: selected }); disarm(); get("arm").focus(); });
+get("release").addEventListener("click", () => { send({ do: "release", robot: selected }); disarm(); });
 get("goal").addEventListener("submit", (event) => {
   event.preventDefault();
   const [x1, x2, degrees] = ["x1", "x2", "theta"].map((id) => get(id).valueAsNumber);
@@ -121,7 +123,7 @@ for (const kind of ["keydown", "keyup"]) {
 
 function choose() {
   const names = Object.keys(robots);
-  if (!names.includes(selected)) selected = names[0] ?? null;
+  if (!names.includes(selected)) selected = names.find((name) => robots[name].steerable) ?? names[0] ?? null;
   const place = get("robots");
   const shown = [...place.querySelectorAll("input")].map((input) => input.value);
   if (shown.join() !== names.join()) {
@@ -145,14 +147,19 @@ function banners() {
   if (lost) lines.push(lost);
   if (silent) lines.push("klab view is silent: nothing below is up to date");
   for (const [name, robot] of Object.entries(robots)) lines.push(...robot.banners.map((line) => `${name}: ${line}`));
+  const words = lines.map(wordsOf).join(". ");
+  if (words !== warned) { warned = words; text("warned", lines.join(". ")); }
   const place = get("banners");
   if ([...place.children].map((p) => p.textContent).join("\n") === lines.join("\n")) return;
+  place.hidden = !lines.length;
   place.replaceChildren(...lines.map((line) => Object.assign(document.createElement("p"), { textContent: line })));
 }
 
-// A screen reader is told what changes, not every centimetre.
+// A screen reader is told what changes, not every centimetre and second.
+const wordsOf = (line) => line.replace(/(?<![A-Za-z])[\d.]+/g, "");
+
 function speak(line) {
-  const words = line.replace(/[\d.]+/g, "");
+  const words = wordsOf(line);
   if (words === spoken) return;
   spoken = words;
   text("spoken", line);
@@ -190,7 +197,9 @@ function slow(robot, mine) {
     get("bar").value = sampler.done;
     text("progress-text", `${sampler.done} of ${sampler.total} segments, ${sampler.samples} samples, ${sampler.redraws} given up; ${sampler.phase}`);
   }
-  get("floor").setAttribute("aria-label", `Floor seen from above: ${selected} at ${get("facts").children[1].textContent}; goal ${get("facts").children[3].textContent}; ${mine.segments.length} segments`);
+  const [where, goal] = [1, 3].map((i) => get("facts").children[i].textContent);
+  const far = robot.pose && robot.goal ? `; distance ${Math.hypot(robot.goal[0] - robot.pose[0], robot.goal[1] - robot.pose[1]).toFixed(2)} m` : "";
+  get("floor").setAttribute("aria-label", `Floor seen from above: ${selected} at ${where}; goal ${goal}${far}; ${mine.segments.length} segments`);
 }
 
 function frame() {

@@ -15,8 +15,10 @@ const LOG_AXIS = { grid: { show: false }, ticks: { show: false },
 export class Plots {
   constructor(section) {
     this.section = section;
+    this.width = section.clientWidth;
     this.made = PLOTS.map((plot) => {
       const figure = document.createElement("figure");
+      figure.setAttribute("aria-label", plot.title);
       const caption = document.createElement("figcaption");
       const where = document.createElement("div");
       where.setAttribute("aria-hidden", "true"); // the caption says the newest value
@@ -24,11 +26,13 @@ export class Plots {
       section.append(figure);
       return { plot, caption, where, chart: null };
     });
-    window.addEventListener("resize", () => this.again());
+    // On a phone scrolling hides the address, which is a change of height only.
+    new ResizeObserver(() => { if (section.clientWidth !== this.width) this.again(); }).observe(section);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.again());
   }
 
   again() {
+    this.width = this.section.clientWidth;
     for (const one of this.made) { one.chart?.destroy(); one.chart = null; }
   }
 
@@ -63,7 +67,7 @@ export class Plots {
       plot.limit ? [{ label: "interval", stroke: colour("goal"), width: 1, dash: [6, 4] }] : [],
     );
     return new window.uPlot({
-      width: this.section.clientWidth - 28, height: 120, legend: { show: false }, cursor: { show: false },
+      width: this.width - 28, height: 120, legend: { show: false }, cursor: { show: false },
       scales: { x: { time: false, range: [-SPAN_S, 0] }, y: plot.log ? { distr: 3 } : {} },
       axes: [{ ...axis, size: 24 }, plot.log ? { ...axis, size: 56, ...LOG_AXIS } : { ...axis, size: 56 }], series,
     }, [[0], ...series.slice(1).map(() => [null])], where);
@@ -74,8 +78,9 @@ function describe(plot, rows, intervalMs) {
   const newest = rows[rows.length - 1] ?? [];
   const said = plot.columns.map(([label, column]) => {
     const value = newest[column];
-    return `${label} ${value === null || value === undefined ? "none" : value.toPrecision(3)}`;
+    const dashed = label === "set-point" ? " (dashed)" : "";
+    return `${label}${dashed} ${value === null || value === undefined ? "none" : value.toPrecision(3)}`;
   });
-  const limit = plot.limit ? `, interval ${intervalMs}` : "";
+  const limit = plot.limit ? `, interval (dashed) ${intervalMs}` : "";
   return `${plot.title}: ${said.join(", ")}${limit} ${plot.unit}${plot.log ? "(logarithmic)" : ""}`;
 }

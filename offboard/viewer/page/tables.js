@@ -7,13 +7,15 @@ function fill(table, rows) {
   rows.forEach((cells, i) => {
     const row = body.rows[i] ?? body.insertRow();
     cells.forEach((cell, k) => {
-      const place = row.cells[k] ?? row.insertCell();
+      const place = row.cells[k] ?? row.appendChild(k ? document.createElement("td") : heading());
       const [text, bad] = Array.isArray(cell) ? cell : [cell, false];
       if (place.textContent !== text) place.textContent = text;
       place.classList.toggle("bad", bad);
     });
   });
 }
+
+function heading() { return Object.assign(document.createElement("th"), { scope: "row" }); }
 
 export function channels(table, flows) {
   fill(table, flows.map((flow) => {
@@ -30,9 +32,9 @@ export function processes(table, entries) {
       `${entry.lost_messages ?? "-"}`, entry.needs.join(", ") || "nothing", entry.stopped_by];
   }));
   entries.forEach((entry, i) => {
-    if (!entry.last_lines) return;
+    if (entry.state !== "died" || !entry.log_file) return;
     const words = document.createElement("pre");
-    words.textContent = `${entry.log_file} ends with:\n${entry.last_lines}`;
+    words.textContent = `${entry.log_file} ends with:\n${entry.last_lines || "(it said nothing)"}`;
     table.tBodies[0].rows[i].cells[1].append(words);
   });
 }

@@ -1,0 +1,54 @@
+"""Within what time the robot must stand after a fault, by what stops it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from koopman_lab.config.schema import LabConfig
+
+SETTLE_S = 0.25
+"""In which the wheels follow the last of a ramp; the motors' lag is 50 ms."""
+COAST_S = 0.4
+"""In which motors at zero stop a robot: the logarithm of 0.6 m/s over 1 mm/s, times their lag."""
+ON_THE_WAY_S = 0.05
+"""Radio, one camera frame, one tick: what a message or a measurement takes."""
+
+Bound = Callable[[LabConfig], float]
+
+
+def ramp_s(config: LabConfig) -> float:
+    """Return the longest ramp to rest from an allowed set-point, with what follows it (s)."""
+    limits = config.motor_loop.limits
+    v_s = limits.v_m_per_s / limits.a_m_per_s2
+    return max(v_s, limits.omega_rad_per_s / limits.d_omega_rad_per_s2) + SETTLE_S
+
+
+def by_watchdog(config: LabConfig) -> float:
+    """Return the time to rest after the last command (s)."""
+    return config.motor_loop.watchdog_s + ON_THE_WAY_S + ramp_s(config)
+
+
+def by_driver(config: LabConfig) -> float:
+    """Return the time to rest after the last motor command (s)."""
+    return config.plant.motor.command_timeout_s + ON_THE_WAY_S + COAST_S
+
+
+def by_estop(config: LabConfig) -> float:
+    """Return the time to rest after the motors are set to zero by message (s)."""
+    del config
+    return ON_THE_WAY_S + COAST_S
+
+
+def by_stuck_wheel(config: LabConfig) -> float:
+    """Return the time to rest after a wheel seems to stand (s), even if it is hardly driven."""
+    return config.motor_loop.health.stuck_s + ON_THE_WAY_S + COAST_S
+
+
+def by_low_battery(config: LabConfig) -> float:
+    """Return the time to rest after the battery is low (s)."""
+    return config.motor_loop.health.battery_s + ON_THE_WAY_S + COAST_S
+
+
+def by_controller(config: LabConfig, waits_s: float) -> float:
+    """Return the time to rest after the controller's patience (s): it gives the robot up."""
+    return waits_s + config.controller.dt_s + ON_THE_WAY_S + ramp_s(config)
