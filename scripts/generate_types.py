@@ -45,7 +45,7 @@ def _encode(self):
 def _decode(data):
     if data[:8] != _FINGERPRINT:
         raise ValueError("Decode error")
-    self = {name}()
+    self = {name}.__new__({name})
     {fields} = _FIELDS.unpack_from(data, 8)
     return self
 

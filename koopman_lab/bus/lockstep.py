@@ -14,7 +14,7 @@ from itertools import count
 from typing import Any
 
 from koopman_lab.bus.channels import Channel, M
-from koopman_lab.bus.node import Node
+from koopman_lab.bus.node import Node, RawHandler
 from koopman_lab.bus.port import BasePort
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
@@ -44,8 +44,11 @@ class LockstepPort(BasePort):
     def send(self, name: str, data: bytes) -> None:
         """Queue the message for every node that listens."""
         runner = self._runner
-        for order, port in runner.routes.get(name, ()):
-            runner.push(runner.now_us, order, partial(port.deliver, name, data))
+        listeners = runner.routes.get(name)
+        if listeners is not None:
+            now_us, push = runner.now_us, runner.push
+            for order, deliver in listeners:
+                push(now_us, order, partial(deliver, name, data))
 
     def later(self, at_us: int, action: Callable[[int], None]) -> None:
         """Call ``action`` at ``at_us`` among this node's messages."""
@@ -76,8 +79,8 @@ class Lockstep:
         self._config = config
         self._nodes: list[Node] = []
         self._ports: list[LockstepPort] = []
-        self.routes: dict[str, list[tuple[int, LockstepPort]]] = {}
-        """By channel name: who listens, and that node's order."""
+        self.routes: dict[str, list[tuple[int, RawHandler]]] = {}
+        """By channel name: the order of each node that listens, and what hands it a message."""
         self._queue: list[tuple[int, int, int, int, Any]] = []
         self._sequence = count()
         self._injector: LockstepPort | None = None
@@ -89,8 +92,8 @@ class Lockstep:
         port.attach(node)
         self._nodes.append(node)
         self._ports.append(port)
-        for name in port.handlers:
-            self.routes.setdefault(name, []).append((order, port))
+        for name in port.inlets:
+            self.routes.setdefault(name, []).append((order, port.deliver))
         for timer in port.timers:
             timer.start(self.now_us)
             item = (timer.deadline_us, order, TIMER, next(self._sequence), timer)
@@ -131,22 +134,24 @@ class Lockstep:
         """
         end_us = self.now_us + round(limit_s * US_PER_S)
         next_report_us = self.now_us
-        queue, sequence, push = self._queue, self._sequence, heapq.heappush
+        queue, sequence = self._queue, self._sequence
+        push, pop = heapq.heappush, heapq.heappop
         while queue:
-            item = heapq.heappop(queue)
-            time_us, order, kind, _, what = item
-            if time_us > end_us:
-                push(queue, item)
-                break
-            if self.finished and time_us > self.now_us:
-                push(queue, item)
-                return True
-            self.now_us = time_us
-            if kind == MESSAGE:
-                what(time_us)
-            else:
-                what.fire(time_us)
+            item = pop(queue)
+            time_us, order, is_timer, _, what = item
+            if time_us > self.now_us:
+                if time_us > end_us:
+                    push(queue, item)
+                    break
+                if self.finished:
+                    push(queue, item)
+                    return True
+                self.now_us = time_us
+            if is_timer:
+                what.fire_in_time()
                 push(queue, (what.deadline_us, order, TIMER, next(sequence), what))
+            else:
+                what(time_us)
             if time_us >= next_report_us:
                 next_report_us += US_PER_S
                 if on_progress is not None:

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 import lcmtypes
-from koopman_lab.bus.channels import ABOARD, CHANNELS, FAULT, HEARTBEATS, Channel, M
+from koopman_lab.bus.channels import ABOARD, FAULT, HEARTBEATS, Channel, M
 from koopman_lab.bus.clock import DriftingClock
 from koopman_lab.bus.node import Node, RawHandler, Tick
 from koopman_lab.bus.radio import RadioPair, radio_pair
@@ -44,19 +44,22 @@ class Timer:
         Older ticks that are due as well are skipped and counted: a burst to catch up would run
         the component at times that have passed.
         """
-        deadline_us = self.deadline_us
-        late_us = now_us - deadline_us
+        late_us = now_us - self.deadline_us
         if late_us >= self._period_us:
             behind = int(late_us / self._period_us)
             self.missed += behind
             self._index += behind
-            deadline_us = self._start_us + round(self._index * self._period_us)
-            late_us = now_us - deadline_us
-        self.tick(deadline_us)
-        self.run += 1
-        self._index += 1
-        self.deadline_us = self._start_us + round(self._index * self._period_us)
+            self.deadline_us = self._start_us + round(self._index * self._period_us)
+            late_us = now_us - self.deadline_us
+        self.fire_in_time()
         return late_us
+
+    def fire_in_time(self) -> None:
+        """Run the next tick, where none can be late."""
+        self.tick(self.deadline_us)
+        self.run += 1
+        self._index = index = self._index + 1
+        self.deadline_us = self._start_us + round(index * self._period_us)
 
 
 class Outlet:
@@ -68,6 +71,18 @@ class Outlet:
         self.next_sequence = 0
 
 
+class Inlet:
+    """One channel that a node listens to."""
+
+    def __init__(self, by_radio: bool, wire: Wire | None, restamped: bool) -> None:
+        self.by_radio = by_radio
+        self.wire = wire
+        self.restamped = restamped
+        """Whether the board reads it itself, and so stamps it by its own clock."""
+        self.counter = SequenceCounter()
+        self.handlers: list[RawHandler] = []
+
+
 class BasePort(ABC):
     """The part of :class:`koopman_lab.bus.node.Port` that does not depend on the runner."""
 
@@ -75,25 +90,19 @@ class BasePort(ABC):
 
     def __init__(self, node_name: str, config: LabConfig, process: int, start_us: int) -> None:
         self.robot_name = config.robot.name
-        self.handlers: dict[str, list[RawHandler]] = {}
+        self.inlets: dict[str, Inlet] = {}
+        """By channel name."""
         self.timers: list[Timer] = []
         self.finished = False
         self.undecodable = 0
         self.worst_lateness_us = 0
         self._node_name = node_name
         self.process = process
-        self._counters: dict[str, SequenceCounter] = {}
         self._listeners: dict[str, list[Callable[[Any], None]]] = {}
         self._outlets: dict[str, Outlet] = {}
         self._heartbeat_rate_hz = config.bus.heartbeat_rate_hz
         self._radio: RadioPair | None = None
         self._clock: DriftingClock | None = None
-        self._wired = {c.name(self.robot_name) for c in CHANNELS if c.wired}
-        self._wires: dict[str, Wire] = {}
-        if node_name in (ABOARD, "plant"):
-            self._wires = {
-                c.name(self.robot_name): Wire() for c in CHANNELS if c.wired and c.rate != "event"
-            }
         if node_name == ABOARD:
             self._faults = Faults(config.faults, start_us)
             self._radio = radio_pair(config)
@@ -138,10 +147,13 @@ class BasePort(ABC):
             self._outlets[channel.suffix] = outlet
         message.sequence = outlet.next_sequence
         outlet.next_sequence += 1
-        name, data = outlet.name, message.encode()
-        if self._radio is None or not outlet.by_radio:
-            self.send(name, data)
-            return
+        if outlet.by_radio:
+            self._transmit(outlet.name, message.encode())
+        else:
+            self.send(outlet.name, message.encode())
+
+    def _transmit(self, name: str, data: bytes) -> None:
+        assert self._radio is not None
         now_us = self.bus_us()
         # Numbered before the radio, so that the others see what it loses.
         for at_us in self._radio.from_robot.arrivals(now_us, self._faults.at(now_us).loss):
@@ -175,7 +187,16 @@ class BasePort(ABC):
 
     def subscribe_raw(self, channel: Channel[M], handler: RawHandler) -> None:
         """Call ``handler`` with every message of a channel as bytes."""
-        self.handlers.setdefault(channel.name(self.robot_name), []).append(handler)
+        name = channel.name(self.robot_name)
+        inlet = self.inlets.get(name)
+        if inlet is None:
+            wired_end = channel.wired and self._node_name in (ABOARD, "plant")
+            inlet = self.inlets[name] = Inlet(
+                by_radio=self._radio is not None and not channel.wired,
+                wire=Wire() if wired_end and channel.rate != "event" else None,
+                restamped=self._clock is not None and channel.wired,
+            )
+        inlet.handlers.append(handler)
 
     def every(self, rate_hz: float, tick: Tick) -> None:
         """Call ``tick`` at absolute deadlines.
@@ -193,38 +214,34 @@ class BasePort(ABC):
 
     def lost_messages(self) -> dict[str, int]:
         """Return, by channel name, how many messages the sequence numbers show missing."""
-        return {name: counter.lost for name, counter in self._counters.items()}
+        return {name: inlet.counter.lost for name, inlet in self.inlets.items()}
 
     def deliver(self, name: str, data: bytes, arrived_us: int) -> None:
         """Take a message off the bus at ``arrived_us`` of the bus.
 
         The radio may bring it to the node later, twice, or never.
         """
-        if self._radio is None or name in self._wired:
-            self._receive(name, data, arrived_us)
+        inlet = self.inlets[name]
+        if self._radio is None or not inlet.by_radio:
+            self._receive(inlet, name, data, arrived_us)
             return
         for at_us in self._radio.to_robot.arrivals(arrived_us, self._faults.at(arrived_us).loss):
             if at_us <= arrived_us:
-                self._receive(name, data, at_us)
+                self._receive(inlet, name, data, at_us)
             else:
-                self.later(at_us, partial(self._receive, name, data))
+                self.later(at_us, partial(self._receive, inlet, name, data))
 
-    def _receive(self, name: str, data: bytes, arrived_us: int) -> None:
+    def _receive(self, inlet: Inlet, name: str, data: bytes, arrived_us: int) -> None:
         """Hand a message to the handlers of its channel."""
         if len(data) >= SMALLEST_MESSAGE:
             utime, sequence = peek(data)
-            wire = self._wires.get(name)
-            if wire is not None and not wire.takes(utime, arrived_us):
+            if inlet.wire is not None and not inlet.wire.takes(utime, arrived_us):
                 return
-            if self._clock is not None and name in self._wired:
-                # The board reads its encoders itself, and so stamps them by its own clock.
+            if inlet.restamped:
                 data = restamp(data, self._own_us(utime))
-            counter = self._counters.get(name)
-            if counter is None:
-                counter = self._counters[name] = SequenceCounter()
-            counter.update(sequence)
-        own_us = self._own_us(arrived_us)
-        for handler in self.handlers[name]:
+            inlet.counter.update(sequence)
+        own_us = arrived_us if self._clock is None else self._own_us(arrived_us)
+        for handler in inlet.handlers:
             handler(name, data, own_us)
 
     def _on_fault(self, message: lcmtypes.fault_t) -> None:

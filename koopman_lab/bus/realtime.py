@@ -123,7 +123,7 @@ class RealtimePort(BasePort):
 
     def listen(self) -> None:
         """Subscribe at LCM to every channel that has a handler; call once, after attaching."""
-        for name in self.handlers:
+        for name in self.inlets:
             subscribe(self.bus, name, lambda n, data: self.deliver(n, data, self.bus_us()))
 
     def drain(self) -> None:
@@ -292,7 +292,7 @@ class Listener:
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
         """Call ``handler`` with every message of a channel."""
         name = channel.name(self._port.robot_name)
-        known = name in self._port.handlers
+        known = name in self._port.inlets
         self._port.subscribe(channel, handler)
         if not known:
             port = self._port

@@ -25,6 +25,7 @@ class OnboardNode:
         self._robot = config.robot
         self._rates = config.motor_loop
         self._stopped_us = 0
+        self._duties = lcmtypes.motor_command_t()
 
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
@@ -76,10 +77,12 @@ class OnboardNode:
         return Command(v.utime, v.sequence, v.commander, Intent(v.intent), *u)
 
     def _on_tick(self, tick_us: int) -> None:
-        self._send_duties(*self.loop.tick(tick_us), tick_us)
+        left, right = self.loop.tick(tick_us)
+        self._send_duties(left, right, tick_us)
 
     def _send_duties(self, left: float, right: float, utime: int) -> None:
-        message = lcmtypes.motor_command_t()
+        # Encoded as soon as it is filled, so that one does.
+        message = self._duties
         message.utime = self._time.to_desk(utime)
         message.left_duty, message.right_duty = left, right
         self._port.publish(channels.MOTOR_CMD, message)

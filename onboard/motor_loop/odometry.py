@@ -55,13 +55,15 @@ class Odometry:
             self._move(utime - last_utime)
         elif utime <= last_utime:
             return
-        left += count_difference(left_count, self._raw[0])
-        right += count_difference(right_count, self._raw[1])
+        left_before, right_before = self._raw
+        left += count_difference(left_count, left_before)
+        right += count_difference(right_count, right_before)
         self._raw = (left_count, right_count)
-        self._samples.append((utime, left, right))
+        samples, oldest_us = self._samples, utime - self._window_us
+        samples.append((utime, left, right))
         # One sample older than the window stays, so that the mean covers all of it.
-        while len(self._samples) > 2 and self._samples[1][0] <= utime - self._window_us:
-            self._samples.popleft()
+        while len(samples) > 2 and samples[1][0] <= oldest_us:
+            samples.popleft()
 
     def _move(self, step_us: int) -> None:
         last_us = self._samples[-1][0]
@@ -78,10 +80,11 @@ class Odometry:
         return self._mean(0)
 
     def _mean(self, first: int) -> WheelSpeeds | None:
-        if len(self._samples) < 2:
+        samples = self._samples
+        if len(samples) < 2:
             return None
-        t0, left0, right0 = self._samples[first]
-        t1, left1, right1 = self._samples[-1]
+        t0, left0, right0 = samples[first]
+        t1, left1, right1 = samples[-1]
         window_s = (t1 - t0) / US_PER_S
         scale = self._rad_per_count / window_s
         return WheelSpeeds(

@@ -33,11 +33,9 @@ class WheelController:
 
     def step(self, setpoint: float, measured: float, dt_s: float) -> float:
         """Return the duty for the next ``dt_s`` seconds."""
-        if self._filtered is None:
-            self._filtered = measured
-        share = dt_s / (self._filter_s + dt_s)
-        change = share * (measured - self._filtered)
-        self._filtered += change
+        filtered = measured if self._filtered is None else self._filtered
+        change = dt_s / (self._filter_s + dt_s) * (measured - filtered)
+        self._filtered = filtered + change
         before = setpoint if self._setpoint is None else self._setpoint
         self._setpoint = setpoint
         rate = (setpoint - before) / dt_s
@@ -52,7 +50,7 @@ class WheelController:
             + self._integral
             - self._derivative_s * change / dt_s
         )
-        limited = min(1.0, max(-1.0, unlimited))
+        limited = 1.0 if unlimited > 1.0 else -1.0 if unlimited < -1.0 else unlimited
         if unlimited == limited or error * unlimited < 0.0:
             self._integral += self._integral_per_s * error * dt_s
         return limited

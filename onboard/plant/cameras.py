@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import cos, sin
 from typing import NamedTuple
 
@@ -33,53 +33,52 @@ class Cameras:
     """
 
     def __init__(self, mocap: Mocap, rng: np.random.Generator) -> None:
-        self._position_noise_m = mocap.position_noise_m
-        self._angle_noise_rad = mocap.angle_noise_rad
-        self._ahead_m, self._left_m, self._turn_rad = mocap.marker_offset
+        self._marker = mocap.marker_offset
         self._lost_share = mocap.lost_frame_share
         self._latency_us = round(mocap.latency_s * US_PER_S)
-        self._jitter_us = mocap.latency_jitter_s * US_PER_S
         self._occlusions_per_s = mocap.occlusions_per_s
         self._occlusion_s = mocap.occlusion_s
         self._hidden_from_us: int | None = None
         self._hidden_until_us = 0
         noise, occlusions = rng.spawn(2)
-        self._numbers = _draws(noise)
+        self._numbers = _draws(mocap, noise)
         self._occlusions = occlusions
         self._pending: deque[tuple[int, Frame]] = deque()
+        self._last_ready_us = 0
 
     def expose(self, utime: int, pose: PlainPose, *, hidden: bool = False) -> None:
         """Take a picture of the robot at its true pose at ``utime``; of nothing if it is hidden."""
-        e1, e2, e3, luck, delay = next(self._numbers)
-        if hidden or luck < self._lost_share or self._occluded(utime):
-            seen, valid = NOTHING, False
+        e1, e2, e3, luck, delay_us = next(self._numbers)
+        if hidden or luck < self._lost_share or (self._occlusions_per_s and self._occluded(utime)):
+            frame = Frame(utime, NOTHING, False)
         else:
             x1, x2, theta = pose
+            ahead_m, left_m, turn_rad = self._marker
             c, s = cos(theta), sin(theta)
             seen = (
-                x1 + c * self._ahead_m - s * self._left_m + self._position_noise_m * e1,
-                x2 + s * self._ahead_m + c * self._left_m + self._position_noise_m * e2,
-                wrap_angle(theta + self._turn_rad + self._angle_noise_rad * e3),
+                x1 + c * ahead_m - s * left_m + e1,
+                x2 + s * ahead_m + c * left_m + e2,
+                wrap_angle(theta + turn_rad + e3),
             )
-            valid = True
-        ready_us = utime + self._latency_us + round(delay * self._jitter_us)
-        pending = self._pending
-        if pending and pending[-1][0] > ready_us:
-            ready_us = pending[-1][0]
-        pending.append((ready_us, Frame(utime, seen, valid)))
+            frame = Frame(utime, seen, True)
+        ready_us = utime + self._latency_us + int(delay_us)
+        if ready_us < self._last_ready_us:
+            ready_us = self._last_ready_us
+        self._last_ready_us = ready_us
+        self._pending.append((ready_us, frame))
 
-    def ready(self, now_us: int) -> list[Frame]:
+    def ready(self, now_us: int) -> Iterable[Frame]:
         """Return the frames whose latency has passed by ``now_us``, oldest first."""
-        frames: list[Frame] = []
         pending = self._pending
+        if not pending or pending[0][0] > now_us:
+            return ()
+        frames = [pending.popleft()[1]]
         while pending and pending[0][0] <= now_us:
             frames.append(pending.popleft()[1])
         return frames
 
     def _occluded(self, utime: int) -> bool:
         """Return whether something stands in the way; that happens at random moments."""
-        if not self._occlusions_per_s:
-            return False
         if self._hidden_from_us is None or utime >= self._hidden_until_us:
             gap_s = self._occlusions.exponential(1.0 / self._occlusions_per_s)
             self._hidden_from_us = utime + round(gap_s * US_PER_S)
@@ -88,8 +87,12 @@ class Cameras:
         return utime >= self._hidden_from_us
 
 
-def _draws(rng: np.random.Generator) -> Iterator[list[float]]:
-    """Yield three normal and two uniform random numbers for each frame."""
+def _draws(mocap: Mocap, rng: np.random.Generator) -> Iterator[list[float]]:
+    """Yield for each frame the errors of its pose, its luck in [0, 1) and its delay (whole us)."""
+    spread = np.array([mocap.position_noise_m, mocap.position_noise_m, mocap.angle_noise_rad])
+    jitter_us = mocap.latency_jitter_s * US_PER_S
     while True:
-        normal = rng.standard_normal((FRAMES_PER_DRAW, 3))
-        yield from np.hstack((normal, rng.random((FRAMES_PER_DRAW, 2)))).tolist()
+        errors = spread * rng.standard_normal((FRAMES_PER_DRAW, 3))
+        chances = rng.random((FRAMES_PER_DRAW, 2))
+        chances[:, 1] = np.rint(jitter_us * chances[:, 1])
+        yield from np.hstack((errors, chances)).tolist()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,18 +12,11 @@ from onboard.plant.battery import Battery
 
 MOST_TRANSITIONS = 8192
 
+Transition = tuple[tuple[float, float, float], tuple[float, float]]
+"""What is left of a deviation from the steady speeds after a step.
 
-class Transition(NamedTuple):
-    """What is left of a deviation from the steady speeds after a step.
-
-    ``same`` and ``cross`` for two turning wheels, ``alone`` where the other wheel is held.
-    """
-
-    left: float
-    cross: float
-    right: float
-    left_alone: float
-    right_alone: float
+First (left, cross, right) for two turning wheels, then (left, right) where the other is held.
+"""
 
 
 class Drivetrain:
@@ -76,8 +68,7 @@ class Drivetrain:
         self._held_us = 0
 
         # The body turns by right * w_r - left * w_l and drives half the sum of the rim speeds.
-        self._turn_left, self._turn_right = left_m / track_m, right_m / track_m
-        self._half_left, self._half_right = 0.5 * left_m, 0.5 * right_m
+        self._rolling = (0.5 * left_m, 0.5 * right_m, left_m / track_m, right_m / track_m)
         self._mass_ahead = body.mass_kg * body.centre_of_mass_ahead_m
         self._share_left = self._share_right = 0.0
         self._base_v, self._droop_left, self._droop_right = self._battery.terminal(0.0, 0.0)
@@ -125,19 +116,21 @@ class Drivetrain:
         self._held_us += step_us
         left, right = self.left_rad_per_s, self.right_rad_per_s
         torque_left, torque_right = self._torques(left, right)
-        direction_left, direction_right = _sign(left), _sign(right)
+        direction_left = 1.0 if left > 0.0 else -1.0 if left < 0.0 else 0.0
+        direction_right = 1.0 if right > 0.0 else -1.0 if right < 0.0 else 0.0
         if not (direction_left and direction_right):
             direction_left, direction_right = self._released(
                 torque_left, torque_right, direction_left, direction_right
             )
             if not direction_left and not direction_right:
                 return
-        kept = self._transitions.get(step_us) or self._transition(step_us)
+        both, alone = self._transitions.get(step_us) or self._transition(step_us)
         if direction_left and direction_right:
-            keep_left, keep_cross, keep_right, _, _ = kept
+            keep_left, keep_cross, keep_right = both
         else:
-            keep_left = kept.left_alone if direction_left else 1.0
-            keep_right = kept.right_alone if direction_right else 1.0
+            left_alone, right_alone = alone
+            keep_left = left_alone if direction_left else 1.0
+            keep_right = right_alone if direction_right else 1.0
             keep_cross = 0.0
         friction_left = direction_left * self._coulomb_left
         friction_right = direction_right * self._coulomb_right
@@ -162,14 +155,14 @@ class Drivetrain:
         """Return what turns the wheels (N m), without back-EMF and friction."""
         voltage = self._base_v + self._droop_left * left + self._droop_right * right
         per_share = self._torque_per_v * voltage
-        omega = self._turn_right * right - self._turn_left * left
+        half_left, half_right, turn_left, turn_right = self._rolling
+        omega = turn_right * right - turn_left * left
         # m d omega^2 pushes forward, m d omega v turns back.
         push = self._mass_ahead * omega
-        v = self._half_left * left + self._half_right * right
-        forward, turn = push * omega, push * v
+        forward, turn = push * omega, push * (half_left * left + half_right * right)
         return (
-            per_share * self._share_left + self._half_left * forward + self._turn_left * turn,
-            per_share * self._share_right + self._half_right * forward - self._turn_right * turn,
+            per_share * self._share_left + half_left * forward + turn_left * turn,
+            per_share * self._share_right + half_right * forward - turn_right * turn,
         )
 
     def _released(
@@ -202,18 +195,17 @@ class Drivetrain:
         rate = -self._damping * step_us / US_PER_S
         first, second = (math.exp(rate / mass) for mass in self._modes)
         (left_1, left_2), (right_1, right_2) = self._directions
-        transition = Transition(
+        both = (
             left_1 * left_1 * first + left_2 * left_2 * second,
             left_1 * right_1 * first + left_2 * right_2 * second,
             right_1 * right_1 * first + right_2 * right_2 * second,
-            math.exp(rate / self._mass_left),
-            math.exp(rate / self._mass_right),
         )
+        alone = math.exp(rate / self._mass_left), math.exp(rate / self._mass_right)
         # Timers of fixed rates make few lengths of step in lockstep; in real time there is any.
         if len(self._transitions) >= MOST_TRANSITIONS:
             self._transitions.clear()
-        self._transitions[step_us] = transition
-        return transition
+        self._transitions[step_us] = both, alone
+        return both, alone
 
     def _take_charge(self) -> None:
         """Count what the present duties have taken, by the current at their end."""

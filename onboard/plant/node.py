@@ -25,6 +25,10 @@ class PlantNode:
         self.plant = Plant(config, np.random.default_rng(placement))
         self._cameras = Cameras(config.mocap, np.random.default_rng(noise))
         self._config = config
+        # Encoded as soon as they are filled, so that one of each kind does.
+        self._encoder = lcmtypes.encoder_t()
+        self._truth = lcmtypes.plant_truth_t()
+        self._seen = lcmtypes.mocap_pose_t()
 
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
@@ -53,12 +57,11 @@ class PlantNode:
 
     def _on_encoder_tick(self, tick_us: int) -> None:
         utime = self._hardware.advance(tick_us)
-        encoder = lcmtypes.encoder_t()
+        encoder, truth = self._encoder, self._truth
         encoder.utime = utime
         encoder.left_count, encoder.right_count = self._hardware.encoder_counts()
         encoder.battery_v = self.plant.battery_v
         self._port.publish(channels.ENCODER, encoder)
-        truth = lcmtypes.plant_truth_t()
         truth.utime = utime
         truth.x1_m, truth.x2_m, truth.theta_rad = self.plant.coordinates
         truth.v_m_per_s, truth.omega_rad_per_s = self.plant.body_velocity()
@@ -74,7 +77,7 @@ class PlantNode:
     def _send_frames(self, now_us: int) -> None:
         # Asked at every tick of either timer, since frames become ready between exposures.
         for frame in self._cameras.ready(now_us):
-            message = lcmtypes.mocap_pose_t()
+            message = self._seen
             message.utime = frame.utime
             message.x1_m, message.x2_m, message.theta_rad = frame.pose
             message.tracking_valid = frame.valid
