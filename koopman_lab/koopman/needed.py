@@ -19,7 +19,7 @@ from koopman_lab.errors import DataError
 from koopman_lab.koopman.dictionary import Dictionary
 from koopman_lab.koopman.heldout import errors, held_out_runs, split
 from koopman_lab.koopman.model import BilinearModel
-from koopman_lab.koopman.samples import Samples, samples
+from koopman_lab.koopman.samples import samples
 from koopman_lab.koopman.train import Method, fit_all, moments_of
 
 COUNTS = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
@@ -97,7 +97,10 @@ def needed(
             found, refused = [], 0
             for repetition in range(repetitions):
                 rng = np.random.default_rng([seed, count, repetition])
-                moments = {i: moments_of(own, _draw(of, count, rng)) for i, of in pool.items()}
+                moments = {
+                    i: moments_of(own, of.only(draw(of.segments, count, rng, bootstrap=True)))
+                    for i, of in pool.items()
+                }
                 try:
                     matrices, inputs, _ = fit_all(own, _inputs(rest), moments, method)
                 except DataError:
@@ -112,12 +115,28 @@ def needed(
             yield NeededRow(name, count, repetitions, refused, *_bands(found))
 
 
-def _draw(of: Samples, count: int, rng: np.random.Generator) -> Samples:
-    """Return so many samples, across runs that are drawn with replacement."""
-    numbers = np.unique(of.segments)
-    rows = [np.flatnonzero(of.segments == n) for n in rng.choice(numbers, len(numbers))]
-    pool = np.concatenate(rows)
-    return of.only(rng.permutation(pool)[:count])
+def draw(
+    segments: NDArray[np.int64], count: int, rng: np.random.Generator, *, bootstrap: bool = False
+) -> NDArray[np.intp]:
+    """Return the rows (at most ``count``,) of so many samples, drawn across all runs.
+
+    Parameters
+    ----------
+    segments
+        The run of each sample (d,).
+    count
+        Of samples.
+    rng
+        Draws.
+    bootstrap
+        Whether the runs are drawn first, with replacement; without it no sample comes twice.
+    """
+    rows = np.arange(len(segments))
+    if bootstrap:
+        numbers = np.unique(segments)
+        drawn = rng.choice(numbers, len(numbers))
+        rows = np.concatenate([np.flatnonzero(segments == n) for n in drawn])
+    return rng.permutation(rows)[:count]
 
 
 def _bands(

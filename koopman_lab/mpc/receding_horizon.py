@@ -135,9 +135,9 @@ class RecedingHorizon:
     def _before(self, x: NDArray[np.float64]) -> tuple[Plan, list[NDArray[np.float64]]]:
         """Return the plan to go on with if nothing better is found, and the initial guesses."""
         if self._plan is None:
-            return self._as_plan(x, self._braking(x)), self._first_guesses()
+            return self._as_plan(x, self._braking(x, self._rollout.horizon)), self._first_guesses()
         # What follows the end of the old plan: rest, which braking brings about.
-        appended = self._braking(self._plan.states[-1])[:1]
+        appended = self._braking(self._plan.states[-1], 1)
         inputs = np.vstack([self._plan.inputs[1:], appended])
         return self._as_plan(x, inputs), [inputs]
 
@@ -145,9 +145,9 @@ class RecedingHorizon:
         states, value = self._rollout(x, inputs)
         return Plan(inputs, states, value, 0, False, "not from the solver")
 
-    def _braking(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return inputs (H, 2) that bring the robot to rest as fast as the bounds allow."""
-        inputs = np.zeros((self._rollout.horizon, 2))
+    def _braking(self, x: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+        """Return inputs (steps, 2) that bring the robot to rest as fast as the bounds allow."""
+        inputs = np.zeros((steps, 2))
         if self._accelerates:
             speeds = x[3:]
             for u in inputs:

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 LARGEST_X2_M, LARGEST_ANGLE_RAD = 0.005, math.radians(2.0)
 """What counts as within."""
-KINEMATIC_STARTS = ((-1.0, 1.0), (-1.0, 1.0), (-math.pi, math.pi))
-"""Section 4 of the paper; those of the second-order robot are X0 (section 5.1)."""
 AFTER_LIMIT_S = 3.0
 
 
@@ -112,6 +110,8 @@ def parks(
 
 def starts(config: LabConfig, count: int) -> list[Pose]:
     """Return random poses at rest, the same for the same seed."""
+    from koopman_lab.studies.parking import KINEMATIC_STARTS
+
     drawn = config.sampler.draw_set
     ranges = KINEMATIC_STARTS
     if config.robot.kind == "dynamic":

@@ -10,16 +10,15 @@ import typer
 
 from koopman_lab.config.schema import CostName
 from koopman_lab.errors import DataError
-from offboard.console import options
+from offboard.console import options, study_starts
 from offboard.console.simulate import DURATIONS_S, STARTS, CostChoice
 from offboard.console.terminal import err, out, progress
 
 app = typer.Typer(help="Study the closed loop in simulation.", no_args_is_help=True)
 
 
-@app.callback()
-def _group() -> None:
-    """Keep the subcommands subcommands, however many there are."""
+for _command in study_starts.COMMANDS:
+    app.command()(_command)
 
 
 @app.command()

@@ -1,0 +1,182 @@
+"""Parking from random poses with every controller of the paper (sections 4 and 5.4).
+
+A run is a function of its case and its number alone: the start is drawn from the seed and the
+number, so that all controllers meet the same starts, in whatever order and process they run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import tempfile
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from koopman_lab.config.schema import CostName, LabConfig
+from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction, PredictionModel
+from koopman_lab.mpc.receding_horizon import solver_of
+from koopman_lab.mpc.solver import Plan, Solver
+from koopman_lab.studies.closed_loop import closed_loop
+
+Way = Literal["nominal", "reprojected", "lifted"]
+
+KINEMATIC_STARTS = ((-1.0, 1.0), (-1.0, 1.0), (-math.pi, math.pi))
+"""Section 4 of the paper; those of the second-order robot are X0 (section 5.1)."""
+CONTROLLERS: tuple[tuple[CostName, Way], ...] = (
+    *(("me", "reprojected"), ("me", "lifted"), ("ce", "reprojected"), ("ce", "lifted")),
+    *(("ds", "reprojected"), ("ds", "lifted"), ("me", "nominal")),
+)
+"""What the paper compares; ``nominal`` predicts with the robot's equations."""
+COLUMNS = (
+    *("case", "index", "start_x1_m", "start_x2_m", "start_theta_rad"),
+    *("x1_m", "x2_m", "theta_rad", "unsolved", "reason"),
+)
+
+
+TIMES = ("run_s", "solving_s")
+"""What a row holds besides: real time of the run, and of the solver in it."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A controller under a label, and all that another process or machine needs to run it.
+
+    Attributes
+    ----------
+    label
+        Names it within a study.
+    config
+        The lab; of it the robot's kind, the seed and the controller matter.
+    way
+        What it predicts with.
+    duration_s
+        Of a run.
+    model
+        What the model's file holds; empty for ``nominal``.
+    refused
+        Why there is no model, for the rows of its runs.
+    """
+
+    label: str
+    config: LabConfig
+    way: Way
+    duration_s: float
+    model: bytes = b""
+    refused: str = ""
+
+
+def cases(config: LabConfig, model: bytes, duration_s: float) -> list[Case]:
+    """Return a case for each of :data:`CONTROLLERS`."""
+    return [
+        Case(f"{cost}-{way}", _configured(config, cost, way), way, duration_s, model)
+        for cost, way in CONTROLLERS
+    ]
+
+
+def start(config: LabConfig, index: int) -> NDArray[np.float64]:
+    """Return the state (n,) that run ``index`` begins in: a random pose, at rest."""
+    drawn = config.sampler.draw_set
+    dynamic = config.robot.kind == "dynamic"
+    ranges = (drawn.x1_m, drawn.x2_m, drawn.theta_rad) if dynamic else KINEMATIC_STARTS
+    low, high = np.array(ranges).T
+    # The child that `spawn` of the seed would give as number `index`.
+    rng = np.random.default_rng(np.random.SeedSequence(config.seed, spawn_key=(index,)))
+    return np.concatenate([rng.uniform(low, high), np.zeros(2 if dynamic else 0)])
+
+
+def run(case: Case, index: int) -> dict[str, Any]:
+    """Return the row of one run, with :data:`COLUMNS` as keys; a failure is its ``reason``.
+
+    Besides it has :data:`TIMES`, which no two runs share.
+    """
+    x0 = start(case.config, index)
+    row = dict.fromkeys(COLUMNS) | {"case": case.label, "index": index} | dict.fromkeys(TIMES, 0.0)
+    row |= zip(COLUMNS[2:5], x0[:3].tolist(), strict=True)
+    if case.refused:
+        return row | {"reason": case.refused}
+    try:
+        prediction, solver = made(case)
+        began_s, solver.spent_s = time.perf_counter(), 0.0
+        done = closed_loop(case.config, prediction, x0, case.duration_s, solver)
+    except Exception as error:  # whatever went wrong belongs into the table
+        return row | {"reason": f"{type(error).__name__}: {error}"}
+    row |= zip(TIMES, (time.perf_counter() - began_s, solver.spent_s), strict=True)
+    if not np.isfinite(done.states).all():
+        return row | {"unsolved": done.unsolved, "reason": "the state grew without bound"}
+    row |= zip(COLUMNS[5:8], done.states[-1, :3].tolist(), strict=True)
+    return row | {"unsolved": done.unsolved}
+
+
+class Timed:
+    """A solver that adds up the real time it takes.
+
+    Parameters
+    ----------
+    solver
+        Does the work.
+    """
+
+    def __init__(self, solver: Solver) -> None:
+        self._solver = solver
+        self.rollout = solver.rollout
+        self.description = solver.description
+        self.spent_s = 0.0
+
+    def solve(self, x0: NDArray[np.float64], guess: NDArray[np.float64]) -> Plan:
+        """Return a plan; see :class:`~koopman_lab.mpc.solver.Solver`."""
+        began_s = time.perf_counter()
+        plan = self._solver.solve(x0, guess)
+        self.spent_s += time.perf_counter() - began_s
+        return plan
+
+    def disturb(self, d: NDArray[np.float64]) -> None:
+        """Plan with other last parameters; see :class:`~koopman_lab.mpc.solver.Solver`."""
+        self._solver.disturb(d)
+
+
+# Of each thread: a solver serves one, and a worker of a cluster may have several.
+_MADE = threading.local()
+
+
+def made(case: Case) -> tuple[PredictionModel, Timed]:
+    """Return prediction and solver, made once in a process and thread.
+
+    Raises
+    ------
+    LabError
+        If model and configuration do not fit.
+    """
+    known: dict[str, tuple[PredictionModel, Timed]] = _MADE.__dict__.setdefault("known", {})
+    content = hashlib.sha256(case.model).hexdigest()
+    key = f"{case.way} {content} {case.config.model_dump_json()}"
+    if key not in known:
+        prediction: PredictionModel = (
+            NominalPrediction(case.config.robot.kind, case.config.controller.dt_s)
+            if case.way == "nominal"
+            else KoopmanPrediction(_loaded(case.model))
+        )
+        known[key] = prediction, Timed(solver_of(prediction, case.config))
+    return known[key]
+
+
+def _loaded(content: bytes) -> BilinearModel:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "model.npz"
+        file.write_bytes(content)
+        return BilinearModel.load(file)
+
+
+def _configured(config: LabConfig, cost: CostName, way: Way) -> LabConfig:
+    return with_controller(config, cost=cost, reprojection=way != "lifted")
+
+
+def with_controller(config: LabConfig, **chosen: Any) -> LabConfig:
+    """Return the lab with other settings of the controller."""
+    return config.model_copy(update={"controller": config.controller.model_copy(update=chosen)})

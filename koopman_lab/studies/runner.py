@@ -1,0 +1,252 @@
+"""Runs a study, and goes on where it was interrupted.
+
+Rows are appended to ``rows.jsonl`` as they come; everything else is made from all of them in the
+end, sorted, and so does not depend on who ran what and when.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from koopman_lab.errors import DataError, LabStateError
+from koopman_lab.figures.distribution import draw_distribution
+from koopman_lab.files import write_csv, write_json
+from koopman_lab.studies import table
+from koopman_lab.studies.parking import COLUMNS, Case
+from koopman_lab.studies.pools import Chunk, Done, Pool, WorkerLostError
+
+Row = dict[str, Any]
+MOST_POOLS = 4
+"""After so many pools have lost a process, something kills them all."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is to be run.
+
+    Attributes
+    ----------
+    name
+        Of the study.
+    cases
+        With different labels.
+    runs
+        Of each case, from starts 0 on.
+    facts
+        What else was asked, JSON: a study goes on only if it is the same.
+    """
+
+    name: str
+    cases: Sequence[Case]
+    runs: int
+    facts: dict[str, Any] = field(default_factory=dict)
+
+    def described(self) -> dict[str, Any]:
+        """Return what ``study.json`` says."""
+        of_cases = [
+            {
+                "label": case.label,
+                "way": case.way,
+                "duration_s": case.duration_s,
+                "model": hashlib.sha256(case.model).hexdigest() if case.model else None,
+                "refused": case.refused or None,
+                "config": case.config.model_dump(mode="json"),
+            }
+            for case in self.cases
+        ]
+        return {"study": self.name, "runs": self.runs} | self.facts | {"cases": of_cases}
+
+
+def run_study(
+    folder: Path,
+    study: Study,
+    pool: Pool,
+    chunk: int = 5,
+    resume: bool = False,
+    on_progress: Callable[[int, int, float], None] = lambda _done, _total, _rate: None,
+    on_loss: Callable[[int], None] = lambda _left: None,
+) -> list[Row]:
+    """Run every case from every start; return all rows, sorted, and leave the study's files.
+
+    Parameters
+    ----------
+    folder
+        Of the study.
+    study
+        What is to be run.
+    pool
+        Who runs it.
+    chunk
+        Runs of one case that are handed out at once.
+    resume
+        Keep the rows that the folder holds.
+    on_progress
+        Called with runs done, runs in all, and runs per second since the call.
+    on_loss
+        Called when a process died, with the number of pools that may still begin.
+
+    Raises
+    ------
+    DataError
+        If the folder holds a study and ``resume`` is not set, or it holds a different one.
+    LabStateError
+        If another command is at work in the folder, or the pool cannot go on; what was done is
+        kept.
+    """
+    began_s, solvers = time.perf_counter(), set()
+    with _locked(folder):
+        found = _open(folder, study, resume)
+        wanted = {(case.label, index) for case in study.cases for index in range(study.runs)}
+        before, lost = len(found.keys() & wanted), 0
+        on_progress(before, len(wanted), 0.0)
+        with (folder / "rows.jsonl").open("a", encoding="utf-8") as file:
+            while chunks := _missing(study, found, chunk):
+                for done in _safely(pool, chunks, folder):
+                    if done is None:
+                        lost += 1
+                        on_loss(MOST_POOLS - lost)
+                        break
+                    file.writelines(json.dumps(row) + "\n" for row in done.rows)
+                    file.flush()
+                    os.fsync(file.fileno())
+                    found |= {(row["case"], row["index"]): row for row in done.rows}
+                    solvers |= {done.solver} - {""}
+                    count = len(found.keys() & wanted)
+                    on_progress(
+                        count, len(wanted), (count - before) / (time.perf_counter() - began_s)
+                    )
+                if lost == MOST_POOLS:
+                    raise LabStateError(
+                        f"{folder}: {lost} times a process of the pool was killed; see whether "
+                        "memory is short (fewer --workers), then go on with --resume"
+                    )
+        ordered = [found[key] for key in sorted(wanted)]
+        elapsed_s = time.perf_counter() - began_s
+        _write(folder, study, ordered)
+        _summarise(folder, study, ordered, pool, elapsed_s, len(wanted) - before, lost, solvers)
+    return ordered
+
+
+def _safely(pool: Pool, chunks: Sequence[Chunk], folder: Path) -> Iterator[Done | None]:
+    """Yield what chunks brought, and None in the end if the pool lost a process."""
+    try:
+        yield from pool(chunks)
+    except WorkerLostError:
+        yield None
+    except LabStateError as error:
+        raise LabStateError(
+            f"{error}\nwhat is done is kept: go on with --resume --out {folder}"
+        ) from None
+
+
+def _missing(study: Study, found: dict[tuple[str, int], Row], chunk: int) -> list[Chunk]:
+    chunks: list[Chunk] = []
+    for case in study.cases:
+        missing = [i for i in range(study.runs) if (case.label, i) not in found]
+        chunks += [(case, missing[at : at + chunk]) for at in range(0, len(missing), chunk)]
+    return chunks
+
+
+def _write(folder: Path, study: Study, rows: Sequence[Row]) -> None:
+    labels = [case.label for case in study.cases]
+    panels: dict[str, list[str]] = {}
+    for case in study.cases:
+        title = f"{case.config.robot.kind} robot, after {case.duration_s:g} s"
+        panels.setdefault(title, []).append(case.label)
+    write_csv(folder / "rows.csv", COLUMNS, ([row[c] for c in COLUMNS] for row in rows))
+    write_csv(folder / "table.csv", table.COLUMNS, table.table(rows, labels))
+    draw_distribution(folder / "distribution", panels, table.deviations_mm(rows))
+
+
+def _summarise(
+    folder: Path,
+    study: Study,
+    rows: Sequence[Row],
+    pool: Pool,
+    elapsed_s: float,
+    done: int,
+    lost: int,
+    solvers: set[str],
+) -> None:
+    of_cases = {}
+    for case in study.cases:
+        mine = [row for row in rows if row["case"] == case.label]
+        run_s = sum(row["run_s"] for row in mine)
+        of_cases[case.label] = {
+            "runs": len(mine),
+            "failed": sum(row["reason"] is not None for row in mine),
+            "run_s": run_s,
+            "solving_s": sum(row["solving_s"] for row in mine),
+            "runs_per_second_of_a_worker": len(mine) / run_s if run_s else None,
+        }
+    write_json(
+        folder / "summary.json",
+        {
+            "what": f"study {study.name}",
+            "runs": len(rows),
+            "runs_of_this_command": done,
+            "wall_clock_s": elapsed_s,
+            "runs_per_second": done / elapsed_s,
+            "where": pool.where,
+            "workers": pool.workers,
+            "pools_lost": lost,
+            "solvers": sorted(solvers),
+            "solving_s": sum(of["solving_s"] for of in of_cases.values()),
+            "rest_of_the_runs_s": sum(of["run_s"] - of["solving_s"] for of in of_cases.values()),
+            "cases": of_cases,
+            "version": version("koopman-lab"),
+        },
+    )
+
+
+@contextlib.contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Keep others out of the folder; a lock ends with its process, however that ends."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / "rows.jsonl").open("ab")
+    except OSError as error:
+        raise DataError(
+            f"{folder}: cannot be written ({error.strerror}); choose another folder with --out"
+        ) from None
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise LabStateError(
+                f"{folder}: another `klab study` is at work in it; let it end, or end it first"
+            ) from None
+        yield
+
+
+def _open(folder: Path, study: Study, resume: bool) -> dict[tuple[str, int], Row]:
+    """Return the rows that count already; what a torn last line held is run again."""
+    # As JSON gives it back: tuples are lists there.
+    asked = json.loads(json.dumps(study.described()))
+    said, rows = folder / "study.json", folder / "rows.jsonl"
+    if not said.exists():
+        write_json(said, asked)
+        return {}
+    if not resume:
+        raise DataError(f"{folder}: holds a study already; go on with --resume or choose --out")
+    known = json.loads(said.read_text(encoding="utf-8"))
+    if known | {"runs": study.runs} != asked:
+        raise DataError(f"{folder}: holds a study with other settings; choose another with --out")
+    if known != asked:
+        write_json(said, asked)
+    content = rows.read_bytes()
+    whole = content[: content.rfind(b"\n") + 1]
+    if whole != content:
+        os.truncate(rows, len(whole))
+    parsed = [json.loads(line) for line in whole.splitlines()]
+    return {(row["case"], row["index"]): row for row in parsed}

@@ -1,0 +1,154 @@
+"""What kill -9 leaves of a study, and a cluster: in the end the same files, to the last byte."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from test_parking_study import tiny
+
+from koopman_lab.errors import LabStateError
+from koopman_lab.studies import runner
+from koopman_lab.studies.pools import Cluster, Processes
+from koopman_lab.studies.runner import Study, run_study
+
+RUNS = 12
+LIMIT_S = 60.0
+SAME = ("rows.csv", "table.csv", "distribution.csv", "study.json")
+
+
+def study() -> Study:
+    return Study("tiny", tiny(), RUNS)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("undisturbed")
+    run_study(folder, study(), Processes(1))
+    return files(folder)
+
+
+def files(folder: Path) -> list[bytes]:
+    return [(folder / name).read_bytes() for name in SAME]
+
+
+def workers() -> list[int]:
+    """Return the processes of the pool of this one."""
+    found = []
+    for task in Path("/proc/self/task").iterdir():
+        for child in map(int, (task / "children").read_text().split()):
+            command = Path(f"/proc/{child}/cmdline").read_bytes()
+            found += [child] if b"popen_loky" in command else []
+    return found
+
+
+def test_a_killed_worker_is_replaced(tmp_path, undisturbed):
+    killed, left = [], []
+
+    def kill_one(done, _total, _rate):
+        if done and not killed:
+            killed.append(workers()[0])
+            os.kill(killed[0], signal.SIGKILL)
+
+    run_study(
+        *(tmp_path, study(), Processes(2)), chunk=1, on_progress=kill_one, on_loss=left.append
+    )
+    assert killed
+    assert left == [3]
+    assert json.loads((tmp_path / "summary.json").read_text())["pools_lost"] == 1
+    assert files(tmp_path) == undisturbed
+
+
+def test_what_kills_every_pool_ends_the_study(tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, "MOST_POOLS", 1)
+
+    def kill_all(_done, _total, _rate):
+        for worker in workers():
+            os.kill(worker, signal.SIGKILL)
+
+    with pytest.raises(LabStateError, match="--resume"):
+        run_study(tmp_path, study(), Processes(2), chunk=1, on_progress=kill_all)
+
+
+def test_two_commands_do_not_share_a_folder(tmp_path):
+    def enter(_done, _total, _rate):
+        run_study(tmp_path, study(), Processes(1), resume=True)
+
+    with pytest.raises(LabStateError, match="at work"):
+        run_study(tmp_path, study(), Processes(1), on_progress=enter)
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from test_study_survives import Processes, run_study, study
+kill = lambda done, _total, _rate: done > 3 and os.kill(os.getpid(), signal.SIGKILL)
+run_study(Path(sys.argv[1]), study(), Processes(2), chunk=1, on_progress=kill)
+"""
+
+
+def test_a_killed_command_goes_on(tmp_path, undisturbed):
+    paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[1])])
+    ended = subprocess.run(
+        [sys.executable, "-c", KILLED, str(tmp_path)],
+        env=os.environ | {"PYTHONPATH": paths},
+        timeout=LIMIT_S,
+        check=False,
+    )
+    assert ended.returncode == -signal.SIGKILL
+    rows = tmp_path / "rows.jsonl"
+    kept = rows.read_bytes()
+    assert 3 < len(kept.splitlines()) < 2 * RUNS
+    run_study(tmp_path, study(), Processes(1), resume=True)
+    assert rows.read_bytes().startswith(kept)
+    assert len(rows.read_bytes().splitlines()) == 2 * RUNS
+    assert files(tmp_path) == undisturbed
+
+
+@pytest.fixture
+def scheduler(tmp_path):
+    """Give a scheduler with two workers on loopback: its process and its address."""
+    dask, host = [sys.executable, "-m", "dask"], ["--host", "127.0.0.1", "--no-dashboard"]
+    paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[1])])
+    of_tests = os.environ | {"PYTHONPATH": paths}
+    said = tmp_path / "scheduler.json"
+    command = [*dask, "scheduler", *host, "--port", "0", "--scheduler-file", str(said)]
+    started, log = [], (tmp_path / "dask.log").open("w")
+    try:
+        started.append(subprocess.Popen(command, stdout=log, stderr=log, env=of_tests))
+        end_s = time.monotonic() + LIMIT_S
+        # The file is made first and filled then.
+        while not (said.exists() and said.read_text().rstrip().endswith("}")):
+            assert time.monotonic() < end_s, (tmp_path / "dask.log").read_text()
+            os.sched_yield()
+        address = json.loads(said.read_text())["address"]
+        worker = [*dask, "worker", address, "--nthreads", "1", "--no-nanny", *host]
+        worker += ["--local-directory", str(tmp_path)]
+        started += [
+            subprocess.Popen(worker, stdout=log, stderr=log, env=of_tests) for _ in range(2)
+        ]
+        yield started[0], address
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+        log.close()
+
+
+def test_a_cluster_brings_the_same_and_may_go(tmp_path, scheduler, undisturbed):
+    process, address = scheduler
+    run_study(tmp_path / "whole", study(), Cluster(address, workers=2), chunk=2)
+    assert files(tmp_path / "whole") == undisturbed
+
+    def kill(done, _total, _rate):
+        if done:
+            process.kill()
+
+    with pytest.raises(LabStateError, match="--resume"):
+        run_study(tmp_path / "half", study(), Cluster(address), chunk=1, on_progress=kill)
+    run_study(tmp_path / "half", study(), Processes(1), resume=True)
+    assert files(tmp_path / "half") == undisturbed
