@@ -23,6 +23,8 @@ COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:purple", "tab:brown", "ta
 """Of models, in turn; red are the runs, black is nominal."""
 MARGIN_M = 0.25
 """Around what the robot drove; predictions may leave the picture."""
+DRIVEN = "driven"
+"""In the table of paths: the average of the runs."""
 UNITS = ((1e3, "mm"), (180.0 / np.pi, "deg"), (1e3, "mm/s"), (180.0 / np.pi, "deg/s"))
 
 
@@ -61,13 +63,31 @@ def open_loop(models: Mapping[str, BilinearModel], runs: ReferenceRuns) -> dict[
     return found
 
 
+def averaged(runs: Sequence[Trajectory], dt_s: float) -> Array:
+    """Return the states (T + 1, n) that runs average to, a sampling time apart from their starts.
+
+    The angle goes on beyond pi.
+    """
+    dt_us = dt_s * US_PER_S
+    last_us = min(run.end_us - run.start_us for run in runs)
+    at_us = np.arange(0.0, last_us + 0.5 * dt_us, dt_us)
+    paths = []
+    for run in runs:
+        x = run.x.copy()
+        x[:, 2] = np.unwrap(x[:, 2])
+        since_us = (run.utime_us - run.start_us).astype(float)
+        paths.append(np.column_stack([np.interp(at_us, since_us, column) for column in x.T]))
+    return np.asarray(np.mean(paths, axis=0), float)
+
+
 def draw_dictionaries(
     stem: Path, models: Mapping[str, BilinearModel], sessions: Sequence[ReferenceRuns]
 ) -> None:
     """Write ``stem.pdf``, ``stem.png``, ``stem-paths.csv`` and ``stem-one-step.csv``.
 
     A column each session: what was driven and what each model predicts, below that the one-step
-    errors, of the pose as solid lines and of the velocities as dotted ones.
+    errors, of the pose as solid lines and of the velocities as dotted ones. The table of paths has
+    the average of the runs as well.
 
     Parameters
     ----------
@@ -85,11 +105,13 @@ def draw_dictionaries(
     dt_s = common_dt_s(models)
     for (plane, translation, rotation), runs in zip(columns, sessions, strict=True):
         found = open_loop(models, runs)
-        offset = next(iter(models.values())).marker_offset
-        _draw_plane(plane, runs.shape, runs.trajectories(offset), found)
+        trajectories = runs.trajectories(next(iter(models.values())).marker_offset)
+        _draw_plane(plane, runs.shape, trajectories, found)
         for k, (axes, name) in enumerate(((translation, "position"), (rotation, "angle"))):
             _draw_errors(axes, found, k)
             axes.set(xlabel="time (s)", ylabel=f"one-step error, {name} ({UNITS[k][1]})")
+        driven = averaged(trajectories, dt_s).tolist()
+        paths += [(runs.shape, DRIVEN, k * dt_s, *x) for k, x in enumerate(driven)]
         for name, of in found.items():
             paths += [(runs.shape, name, k * dt_s, *x) for k, x in enumerate(of.path.tolist())]
             rows = zip(of.time_s.tolist(), of.one_step.tolist(), strict=True)

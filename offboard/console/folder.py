@@ -53,7 +53,7 @@ class RunFolder:
             "robot": config.robot.kind,
             "seed": config.seed,
             "version": version("koopman-lab"),
-            "revision": _revision(),
+            "revision": revision(),
         }
         try:
             write_json(self.summary, facts | made_with)
@@ -89,7 +89,7 @@ def new_folder(out: Path | None, what: str, config: LabConfig) -> RunFolder:
     return folder
 
 
-def _revision() -> str | None:
+def revision() -> str | None:
     """Return the git revision of the source tree, None where there is none."""
     try:
         found = subprocess.run(

@@ -18,6 +18,7 @@ from offboard.console.goal import goal
 from offboard.console.park import park
 from offboard.console.reference import reference
 from offboard.console.replay import replay
+from offboard.console.reproduce import reproduce
 from offboard.console.rerun import rerun
 from offboard.console.simulate import simulate
 from offboard.console.status import down, status
@@ -40,7 +41,7 @@ app = typer.Typer(
 )
 COMMANDS = (
     *(demo, up, status, down, view, topics, calibrate, train, park, compare, simulate, reference),
-    *(validate, replay, rerun, goal, estop, fault, doctor),
+    *(validate, reproduce, replay, rerun, goal, estop, fault, doctor),
 )
 for command in COMMANDS:
     app.command()(command)

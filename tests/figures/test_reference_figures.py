@@ -47,7 +47,10 @@ def test_open_loop_predictions_of_models_beside_the_nominal_path(runs, models, t
     names = {"open.pdf", "open.png", "open-paths.csv", "open-one-step.csv"}
     assert {p.name for p in tmp_path.iterdir()} == names
     paths = rows(tmp_path / "open-paths.csv")
-    assert len(paths) == 3 * (STEPS + 1)
+    assert len(paths) == 4 * (STEPS + 1)
+    mean = np.mean([run.x[::12, 0] for run in runs.trajectories(ORIGIN)], axis=0)
+    written = [float(row["x1_m"]) for row in paths if row["model"] == "driven"]
+    assert np.abs(np.array(written[: len(mean)]) - mean).max() < 1e-9
     assert float(paths[-1]["x1_m"]) == found["nominal"].path[-1, 0]
     one_step = rows(tmp_path / "open-one-step.csv")
     assert {row["model"] for row in one_step} == set(found)

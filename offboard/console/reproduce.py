@@ -1,0 +1,116 @@
+"""`klab reproduce`: every number and figure of the paper, from nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from koopman_lab.errors import LabStateError
+from koopman_lab.files import write_json
+from offboard.console import options
+from offboard.console.folder import run_path
+from offboard.console.terminal import err, out
+
+if TYPE_CHECKING:
+    from koopman_lab.paper.claim import Judged
+
+ASKED = "reproduction.json"
+"""What the folder is of: the reproduction that --resume goes on with."""
+
+
+def reproduce(
+    quick: Annotated[
+        bool,
+        typer.Option("--quick", help="Fewer segments, runs and starts: minutes, not hours."),
+    ] = False,
+    folder: options.Out = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with what was begun in DIR.")
+    ] = False,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Processes at once; default: all cores.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of draws, noise and starts.")] = 1,
+) -> None:
+    """Calibrate, train, validate, drive, simulate and study both robots, and judge the paper.
+
+    Each step is a klab command on virtual time, with a folder in DIR. At the end DIR gets report.md
+    and report.html: each claim of the paper beside our numbers, with a verdict computed from them,
+    every figure, and the commands. What is interrupted goes on with --resume.
+
+    Example: klab reproduce --quick --out runs/reproduction
+    """
+    from koopman_lab.paper.claim import judge
+    from koopman_lab.paper.claims import CLAIMS, SETTINGS
+    from koopman_lab.paper.found import Found
+    from koopman_lab.paper.report import Facts, write_report
+    from offboard.console.reproduce_steps import FULL, QUICK, steps
+    from offboard.console.steps import run
+
+    place = run_path(folder, "reproduction")
+    _open(place, {"quick": quick, "seed": seed}, resume=resume)
+    size = QUICK if quick else FULL
+    cores = len(os.sched_getaffinity(0))
+    made = run(place, steps(size, seed), workers or cores, _tell)
+    found = Found(place)
+    judged = [judge(claim, found) for claim in CLAIMS]
+    settings = [judge(setting, found) for setting in SETTINGS]
+    write_report(place, Facts(quick, size.words, seed, made), judged, settings)
+    _show(judged)
+    err.print(f"report: {place / 'report.html'} and report.md", markup=False)
+
+
+def _tell(line: str) -> None:
+    err.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
+def _open(place: Path, asked: dict[str, Any], *, resume: bool) -> None:
+    """Make the folder, or see that it is one to go on with.
+
+    Raises
+    ------
+    LabStateError
+        If it holds something else, or cannot be written.
+    """
+    file = place / ASKED
+    try:
+        before = json.loads(file.read_text()) if file.exists() else None
+        if before is None:
+            if place.exists() and any(place.iterdir()):
+                raise LabStateError(
+                    f"{place}: holds something else; choose another folder with --out"
+                )
+            write_json(file, asked)
+            return
+    except (OSError, ValueError) as error:
+        raise LabStateError(
+            f"{file}: cannot be used ({error}); choose another folder with --out"
+        ) from None
+    if not resume:
+        raise LabStateError(
+            f"{place}: holds a reproduction; go on with it by --resume, or choose another folder "
+            "with --out"
+        )
+    if before != asked:
+        size = "with" if before.get("quick") else "without"
+        raise LabStateError(
+            f"{place}: was begun {size} --quick and with --seed {before.get('seed')}; go on with "
+            "the same, or choose another folder with --out"
+        )
+
+
+def _show(judged: Sequence[Judged]) -> None:
+    from rich.table import Table
+
+    from koopman_lab.paper.report import tally
+
+    table = Table("section", "claim", "here", "verdict", box=None, pad_edge=False)
+    for j in judged:
+        table.add_row(j.claim.section, j.claim.name, "\n".join(j.numbers), j.verdict.value)
+    out.print(table)
+    out.print(tally(judged))
