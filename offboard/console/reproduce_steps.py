@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from offboard.console.steps import Step
 
 DICTIONARIES = ("D8Eul", "D10m", "D13t", "D12f")
+SLOW, BASELINE = "kinematic-slow-model/model.npz", "D8Eul/D8Eul.npz"
+"""Models that several steps use: of the kinematic robot at 0.1 s, of the second-order one."""
 WINDOWS = "1,10,30,40,50,100"
 PARALLEL = ("--start", "0", "0.5", "0")
 QUADRATIC = ("--cost", "ce", "--cost", "ds")
@@ -56,6 +58,11 @@ def steps(size: Size, seed: int) -> list[Step]:
     seed
         Of the sessions, the lab runs and the starts.
     """
+    return [*judged_steps(size, seed), *_beyond(size, seed)]
+
+
+def judged_steps(size: Size, seed: int) -> list[Step]:
+    """Return the steps that the verdicts rest on, the first of :func:`steps`."""
     return [*_kinematic(seed), *_dynamic(size, seed), *_studies(size, seed)]
 
 
@@ -64,16 +71,16 @@ def _step(name: str, *words: str | int, resumable: bool = False, parallel: bool 
 
 
 def _kinematic(seed: int) -> list[Step]:
-    model, slow = "kinematic-model/model.npz", "kinematic-slow-model/model.npz"
+    model = "kinematic-model/model.npz"
     lab = ("--lockstep", "--seed", seed)
-    simulate = ("simulate", "--model", slow)
+    simulate = ("simulate", "--model", SLOW)
     return [
         _step(
             "kinematic-session",
             *("calibrate", "--robot", "kinematic", *lab, "--out", "kinematic-session"),
         ),
         _step("kinematic-model", "train", "kinematic-session", "--out", model),
-        _step("kinematic-slow-model", "train", "kinematic-session", "--dt", "0.1", "--out", slow),
+        _step("kinematic-slow-model", "train", "kinematic-session", "--dt", "0.1", "--out", SLOW),
         _step(
             "simulation-models",
             *(*simulate, "--predict", "nominal", "--predict", "reprojected"),
@@ -95,8 +102,7 @@ def _kinematic(seed: int) -> list[Step]:
 def _dynamic(size: Size, seed: int) -> list[Step]:
     robot = ("--robot", "dynamic", "--lockstep", "--seed", seed)
     models = [f"{name}/{name}.npz" for name in DICTIONARIES]
-    baseline = models[0]
-    simulate = ("simulate", "--model", baseline)
+    simulate = ("simulate", "--model", BASELINE)
 
     def drive(name: str, shape: str, kind: str) -> Step:
         return _step(
@@ -130,7 +136,7 @@ def _dynamic(size: Size, seed: int) -> list[Step]:
         ),
         _step(
             "multistep",
-            *("figure", "multistep", baseline, "dynamic-infinity", "--out", "multistep/multistep"),
+            *("figure", "multistep", BASELINE, "dynamic-infinity", "--out", "multistep/multistep"),
         ),
         _step(
             "validation",
@@ -157,7 +163,7 @@ def _dynamic(size: Size, seed: int) -> list[Step]:
         ),
         _step(
             "dynamic-lab",
-            *("compare", "--model", baseline, "--lockstep", "--seed", seed),
+            *("compare", "--model", BASELINE, "--lockstep", "--seed", seed),
             *("--out", "dynamic-lab"),
         ),
         _step(
@@ -168,33 +174,38 @@ def _dynamic(size: Size, seed: int) -> list[Step]:
     ]
 
 
+def _study(name: str, runs: int, seed: int, *given: str) -> Step:
+    return _step(
+        name,
+        *("study", name, *given, "--runs", str(runs), "--seed", str(seed), "--out", name),
+        resumable=True,
+        parallel=True,
+    )
+
+
 def _studies(size: Size, seed: int) -> list[Step]:
-    slow, model = "kinematic-slow-model/model.npz", "D8Eul/D8Eul.npz"
-
-    def study(name: str, runs: int, *given: str) -> Step:
-        return _step(
-            name,
-            *("study", name, *given, "--runs", str(runs), "--seed", str(seed), "--out", name),
-            resumable=True,
-            parallel=True,
-        )
-
     sessions = ("--dataset-kinematic", "kinematic-session", "--dataset-dynamic", "dynamic-session")
     return [
-        study("kinematic-parking", size.starts, "--model", slow),
-        study("dynamic-parking", size.starts, "--model", model),
-        study("data-efficiency", size.efficiency_starts, *sessions),
-        study("horizon", size.other_starts, "--model", model),
-        study("combination", size.other_starts, "--dataset", "dynamic-session"),
-        study("fit", size.other_starts, "--dataset", "dynamic-session"),
+        _study("kinematic-parking", size.starts, seed, "--model", SLOW),
+        _study("dynamic-parking", size.starts, seed, "--model", BASELINE),
+        _study("data-efficiency", size.efficiency_starts, seed, *sessions),
         _step(
             "weights-kinematic",
-            *("study", "weights", "--model", slow, *PARALLEL, "--factors", size.factors),
+            *("study", "weights", "--model", SLOW, *PARALLEL, "--factors", size.factors),
             *("--out", "weights-kinematic/weights-kinematic.csv"),
         ),
         _step(
             "weights-dynamic",
-            *("study", "weights", "--model", model, "--factors", size.factors),
+            *("study", "weights", "--model", BASELINE, "--factors", size.factors),
             *("--out", "weights-dynamic/weights-dynamic.csv"),
         ),
+    ]
+
+
+def _beyond(size: Size, seed: int) -> list[Step]:
+    session = ("--dataset", "dynamic-session")
+    return [
+        _study("horizon", size.other_starts, seed, "--model", BASELINE),
+        _study("fit", size.other_starts, seed, *session),
+        _study("combination", size.other_starts, seed, *session),
     ]

@@ -17,7 +17,7 @@ from koopman_lab.paper.found import Found
 from koopman_lab.paper.pictures import GRIDS, PICTURES, STUDIES
 from offboard.console import steps as runner
 from offboard.console.main import app
-from offboard.console.reproduce_steps import FULL, QUICK, steps
+from offboard.console.reproduce_steps import FULL, QUICK, judged_steps, steps
 from offboard.console.steps import MARKER, Step, finished, run
 
 PARK = REFERENCE / "park.lcm"
@@ -54,10 +54,12 @@ def test_each_step_is_a_command_line_that_needs_only_steps_before_it(size):
 
 
 def test_claims_and_figures_are_of_steps_that_there_are(tmp_path):
-    names = {step.name for step in steps(QUICK, seed=1)}
+    listed, first = steps(QUICK, seed=1), judged_steps(QUICK, seed=1)
+    assert listed[: len(first)] == first
+    names, judged = {step.name for step in listed}, {step.name for step in first}
     found = Found(tmp_path)
     for claim in (*CLAIMS, *SETTINGS):
-        assert set(judge(claim, found).steps) <= names
+        assert set(judge(claim, found).steps) <= judged
     assert {picture.step for picture in PICTURES} <= names
     assert {*STUDIES, *GRIDS} <= names
 
