@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from koopman_lab.config.schema import LabConfig, RobotKind
+from koopman_lab.config.schema import RobotKind
 from koopman_lab.errors import DataError
 from offboard.console import options
-from offboard.console.folder import run_path
 from offboard.console.simulate import DURATIONS_S
-from offboard.console.terminal import err, out, progress
+from offboard.console.study_run import How, how_to_run, opened, run, trained, with_model
 
 if TYPE_CHECKING:
-    from koopman_lab.data.dataset import DataSet
     from koopman_lab.studies.models import Recipe
     from koopman_lab.studies.parking import Case
-    from koopman_lab.studies.pools import Pool
-    from koopman_lab.studies.runner import Study
 
-SLOW_DT_S = 0.1
-"""Sampling time of the kinematic robot's simulations, section 4 of the paper."""
 HORIZONS = range(10, 101, 10)
 
 Model = Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")]
@@ -51,16 +45,6 @@ Dask = Annotated[
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with the study in --out DIR.")]
 
 
-class How(NamedTuple):
-    """How a study is run: who runs it, where its files are, and whether it goes on."""
-
-    folder: Path
-    runs: int
-    chunk: int
-    resume: bool
-    pool: Callable[[], Pool]
-
-
 def kinematic_parking(
     model: Model,
     runs: Runs = 1000,
@@ -79,7 +63,7 @@ def kinematic_parking(
 
     Example: klab study kinematic-parking --model runs/slow.npz --runs 100 --out runs/parking
     """
-    how = _how("kinematic-parking", folder, runs, chunk, resume, workers, dask)
+    how = how_to_run("kinematic-parking", folder, runs, chunk, resume, workers, dask)
     _parking("kinematic-parking", "kinematic", model, how, config, overrides, seed)
 
 
@@ -101,7 +85,7 @@ def dynamic_parking(
 
     Example: klab study dynamic-parking --model runs/dynamic.npz --runs 100 --out runs/parking
     """
-    how = _how("dynamic-parking", folder, runs, chunk, resume, workers, dask)
+    how = how_to_run("dynamic-parking", folder, runs, chunk, resume, workers, dask)
     _parking("dynamic-parking", "dynamic", model, how, config, overrides, seed)
 
 
@@ -123,14 +107,14 @@ def horizon(
     """
     from koopman_lab.studies.parking import Case, with_controller
 
-    how = _how("horizon", folder, runs, chunk, resume, workers, dask)
-    lab, content = _with_model(model, None, config, overrides, seed)
+    how = how_to_run("horizon", folder, runs, chunk, resume, workers, dask)
+    lab, content = with_model(model, None, config, overrides, seed)
     seconds = DURATIONS_S[lab.robot.kind]
     cases = [
         Case(f"h{steps}", with_controller(lab, horizon=steps), "reprojected", seconds, content)
         for steps in HORIZONS
     ]
-    _run("horizon", cases, how)
+    run("horizon", cases, how)
 
 
 def data_efficiency(
@@ -165,17 +149,17 @@ def data_efficiency(
     sources: list[tuple[RobotKind, Path | None]] = [("kinematic", kinematic), ("dynamic", dynamic)]
     if not any(source for _, source in sources):
         raise DataError("name a session with --dataset-kinematic, --dataset-dynamic, or both")
-    how = _how("data-efficiency", folder, runs, chunk, resume, workers, dask)
+    how = how_to_run("data-efficiency", folder, runs, chunk, resume, workers, dask)
     cases: list[Case] = []
     facts: dict[str, Any] = {}
     for kind, source in sources:
         if source is None:
             continue
-        dataset, dictionary = _opened(source, kind)
+        dataset, dictionary = opened(source, kind)
         recipes = {f"{kind}-{label}": recipe for label, recipe in by_count().items()}
-        cases += _trained(recipes, dataset, dictionary, seed, how)
+        cases += trained(recipes, dataset, dictionary, seed, how)
         facts[f"data_{kind}"] = dataset.data_hash
-    _run("data-efficiency", cases, how, facts)
+    run("data-efficiency", cases, how, facts)
 
 
 def combination(
@@ -200,7 +184,7 @@ def combination(
         "paper": Recipe(method=Method(combination="paper")),
         "generator": Recipe(method=Method(combination="generator")),
     }
-    how = _how("combination", folder, runs, chunk, resume, workers, dask)
+    how = how_to_run("combination", folder, runs, chunk, resume, workers, dask)
     _methods("combination", recipes, source, dictionary, seed, how)
 
 
@@ -223,56 +207,11 @@ def fit(
     from koopman_lab.studies.models import Recipe
 
     recipes = {name: Recipe(method=METHODS[name]) for name in ("plain", "noise-aware", "symmetric")}
-    how = _how("fit", folder, runs, chunk, resume, workers, dask)
+    how = how_to_run("fit", folder, runs, chunk, resume, workers, dask)
     _methods("fit", recipes, source, dictionary, seed, how)
 
 
 COMMANDS = (kinematic_parking, dynamic_parking, data_efficiency, horizon, combination, fit)
-
-
-def _how(
-    name: str,
-    folder: Path | None,
-    runs: int,
-    chunk: int,
-    resume: bool,
-    workers: int | None,
-    dask: str | None,
-) -> How:
-    if resume and folder is None:
-        raise DataError("--resume: say with --out which study goes on")
-    if dask is not None and workers is not None:
-        raise DataError(
-            "--dask: the scheduler says how many workers there are; leave --workers out"
-        )
-
-    def pool() -> Pool:
-        import joblib
-
-        from koopman_lab.studies.pools import Cluster, Processes
-
-        return Processes(workers or joblib.cpu_count()) if dask is None else Cluster(dask)
-
-    return How(run_path(folder, name), runs, chunk, resume, pool)
-
-
-def _with_model(
-    model: Path,
-    kind: RobotKind | None,
-    config: Path | None,
-    overrides: Sequence[str] | None,
-    seed: int | None,
-) -> tuple[LabConfig, bytes]:
-    """Return the lab at the model's sampling time, and what the model's file holds."""
-    from koopman_lab.koopman.model import BilinearModel
-
-    loaded = BilinearModel.load(model)
-    wanted = [f"controller.dt_s={loaded.dt_s}", *(overrides or ())]
-    lab = options.resolve(
-        config, wanted, kind or (None if config else loaded.robot_kind), seed=seed
-    )
-    loaded.require_robot(lab.robot.kind)
-    return lab, model.read_bytes()
 
 
 def _parking(
@@ -286,8 +225,8 @@ def _parking(
 ) -> None:
     from koopman_lab.studies.parking import cases
 
-    lab, content = _with_model(model, kind, config, overrides, seed)
-    _run(name, cases(lab, content, DURATIONS_S[kind]), how)
+    lab, content = with_model(model, kind, config, overrides, seed)
+    run(name, cases(lab, content, DURATIONS_S[kind]), how)
 
 
 def _methods(
@@ -298,81 +237,6 @@ def _methods(
     seed: int | None,
     how: How,
 ) -> None:
-    dataset, own = _opened(source, None)
-    cases = _trained(recipes, dataset, dictionary or own, seed, how)
-    _run(name, cases, how, {"data": dataset.data_hash})
-
-
-def _opened(source: Path, kind: RobotKind | None) -> tuple[DataSet, str]:
-    """Return a data set, at the paper's sampling time, and the dictionary for it."""
-    from koopman_lab.data.source import open_source
-
-    opened = open_source(source, robot_kind=kind)
-    session = opened.file.is_file() and opened.file != source
-    if session and opened.dataset.robot_kind == "kinematic":
-        opened = open_source(source, dt_s=SLOW_DT_S)
-    return opened.dataset, opened.dictionary
-
-
-def _trained(
-    recipes: dict[str, Recipe], dataset: DataSet, dictionary: str, seed: int | None, how: How
-) -> list[Case]:
-    from koopman_lab.studies.models import trained
-    from koopman_lab.studies.parking import Case
-
-    kind = dataset.robot_kind
-    wanted = [f"controller.dt_s={dataset.dt_s}"]
-    lab = options.resolve(None, wanted, kind, seed=seed)
-    goes_on = how.resume and (how.folder / "study.json").exists()
-    cases = []
-    for label, recipe in recipes.items():
-        file = how.folder / "models" / f"{label}.npz"
-        content, refused = trained(file, recipe, dataset, dictionary, lab.seed, keep=goes_on)
-        if refused:
-            err.print(f"{label}: no model ({refused})", markup=False)
-        cases.append(Case(label, lab, "reprojected", DURATIONS_S[kind], content, refused))
-    return cases
-
-
-def _run(name: str, cases: Sequence[Case], how: How, facts: dict[str, Any] | None = None) -> None:
-    from koopman_lab.studies.runner import Study, run_study
-
-    study = Study(name, cases, how.runs, facts or {})
-    pool = how.pool()
-    with progress(name, "runs") as report:
-        rows = run_study(
-            how.folder,
-            study,
-            pool,
-            how.chunk,
-            how.resume,
-            lambda done, total, rate: report(done, total, f"{rate:.1f} runs/s"),
-            lambda left: err.print(
-                "a process was killed; what it was at is run again"
-                + (f" (not more than {left} times)" if left else "")
-            ),
-        )
-    _show(study, rows)
-    err.print(f"figure: {how.folder / 'distribution.png'}")
-
-
-def _show(study: Study, rows: Sequence[dict[str, Any]]) -> None:
-    from rich.table import Table
-
-    from koopman_lab.studies.table import COLUMNS, table
-
-    columns = ("p25_mm", "p50_mm", "p75_mm", "p95_mm", "max_mm")
-    shown = Table(box=None, pad_edge=False, title=f"{study.name}: |x2| at the end (mm)")
-    shown.add_column("case", no_wrap=True)
-    for column in ("runs", "failed", "25 %", "50 %", "75 %", "95 %", "max", "< 2 mm"):
-        shown.add_column(column, justify="right", no_wrap=True)
-    for line in table(rows, [case.label for case in study.cases]):
-        of = dict(zip(COLUMNS, line, strict=True))
-        shown.add_row(
-            of["case"],
-            str(of["runs"]),
-            str(of["failed"]),
-            *(f"{of[column]:.3g}" for column in columns),
-            f"{100.0 * of['share_below_2_mm']:.0f} %",
-        )
-    out.print(shown)
+    dataset, own = opened(source, None)
+    cases = trained(recipes, dataset, dictionary or own, seed, how)
+    run(name, cases, how, {"data": dataset.data_hash})
