@@ -6,7 +6,7 @@ from collections import deque
 from typing import NamedTuple
 
 from koopman_lab.bus.clock import PPM
-from koopman_lab.config.schema import Clock
+from koopman_lab.config.robot_side import Clock
 from koopman_lab.units import US_PER_S
 
 LONGEST_ROUND_TRIP_US = US_PER_S

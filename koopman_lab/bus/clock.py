@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from koopman_lab.config.schema import Clock
+from koopman_lab.config.robot_side import Clock
 from koopman_lab.units import US_PER_S
 
 PPM = 1e-6

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from koopman_lab.config.schema import LabConfig, RadioLink
+from koopman_lab.config.robot_side import RadioLink
+from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 
 SEED_STREAM = 3

@@ -18,7 +18,8 @@ import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from koopman_lab.config.schema import LabConfig, RobotKind
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import ConfigError
 
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

@@ -1,38 +1,25 @@
 """The configuration of a lab: frozen models that refuse unknown keys.
 
 What each value means, its unit and where it comes from is said in ``defaults/*.yaml``; this file
-says which values are allowed.
+says which values are allowed, and `robot_side` those of the sections beyond the radio.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-RobotKind = Literal["kinematic", "dynamic"]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0, le=1)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Pair = tuple[Finite, Finite]
-
-
-def _ordered(low_high: tuple[float, float]) -> tuple[float, float]:
-    if low_high[0] >= low_high[1]:
-        raise ValueError("expected [low, high] with low < high")
-    return low_high
-
-
-Range = Annotated[tuple[Finite, Finite], AfterValidator(_ordered)]
-Triple = tuple[Finite, Finite, Finite]
-
-
-class Section(BaseModel):
-    """Base of all sections."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
+from koopman_lab.config.robot_side import Clock, Mocap, MotorLoop, PlannedFault, Plant, Radio
+from koopman_lab.config.values import (
+    NotNegative,
+    Pair,
+    Positive,
+    Range,
+    RobotKind,
+    Section,
+    Triple,
+)
 
 
 class Robot(Section):
@@ -50,226 +37,6 @@ class Bus(Section):
     url: str
     receive_buffer_bytes: Annotated[int, Field(ge=65536)]
     heartbeat_rate_hz: Positive
-
-
-class RadioLink(Section):
-    """One direction of the radio; shares are of messages."""
-
-    delay_s: NotNegative
-    jitter_s: NotNegative
-    loss: Share
-    duplication: Share
-    reordering: Share
-    held_back_s: NotNegative
-    burst_rate_hz: NotNegative
-    burst_s: NotNegative
-
-
-class Radio(Section):
-    """Between desk and robot."""
-
-    to_robot: RadioLink
-    from_robot: RadioLink
-
-
-class Clock(Section):
-    """The board's clock against the desk's, and how the board finds out."""
-
-    offset_s: Finite
-    drift_ppm: Finite
-    ping_rate_hz: Positive
-    window_s: Positive
-    largest_drift_ppm: NotNegative
-
-    @model_validator(mode="after")
-    def _within_what_the_board_expects(self) -> Clock:
-        if abs(self.drift_ppm) > self.largest_drift_ppm:
-            raise ValueError(
-                f"drift_ppm {self.drift_ppm:g} is beyond largest_drift_ppm "
-                f"{self.largest_drift_ppm:g}, so that no error bound would hold"
-            )
-        return self
-
-
-FaultKind = Literal[
-    "occlusion",
-    "encoder_stuck",
-    "motor_stalled",
-    "battery_low",
-    "radio_cut",
-    "burst_loss",
-    "clock_jump",
-]
-FAULT_DETAILS: dict[str, dict[str, Any]] = {
-    "occlusion": {},
-    "encoder_stuck": {"wheel": "both"},
-    "motor_stalled": {"wheel": "both"},
-    "battery_low": {"battery_v": 6.0},
-    "radio_cut": {},
-    "burst_loss": {"loss": 0.5},
-    "clock_jump": {"jump_s": 10.0},
-}
-"""What each kind of fault has besides its duration, and the defaults."""
-
-
-class Fault(Section):
-    """Something that goes wrong on demand; details that the kind does not have are None."""
-
-    kind: FaultKind
-    duration_s: Annotated[float, Field(ge=0)] | None = None
-    wheel: Literal["both", "left", "right"] | None = None
-    battery_v: Annotated[float, Field(gt=0, le=100)] | None = None
-    loss: Share | None = None
-    jump_s: Annotated[float, Field(ge=-1e9, le=1e9)] | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _with_defaults(cls, values: Any) -> Any:
-        if not isinstance(values, Mapping):
-            return values
-        given = {key: value for key, value in values.items() if value is not None}
-        kind = given.get("kind")
-        return (FAULT_DETAILS.get(kind, {}) if isinstance(kind, str) else {}) | given
-
-    @model_validator(mode="after")
-    def _has_only_its_details(self) -> Fault:
-        for detail in ("wheel", "battery_v", "loss", "jump_s"):
-            if getattr(self, detail) is not None and detail not in FAULT_DETAILS[self.kind]:
-                raise ValueError(f"{self.kind} has no {detail}")
-        return self
-
-
-class PlannedFault(Fault):
-    """A fault that comes by itself."""
-
-    at_s: NotNegative
-
-
-class Pid(Section):
-    """One wheel's speed controller; the error is in rad/s, the output is a duty in [-1, 1]."""
-
-    proportional: NotNegative
-    integral_per_s: NotNegative
-    derivative_s: NotNegative
-    derivative_filter_s: Positive
-    feed_forward_full_duty_rad_per_s: Positive
-    feed_forward_lag_s: NotNegative
-    friction_duty: NotNegative
-
-
-class VelocityLimits(Section):
-    """Limits of the set-point the motor loop accepts."""
-
-    v_m_per_s: Positive
-    omega_rad_per_s: Positive
-    a_m_per_s2: Positive
-    d_omega_rad_per_s2: Positive
-
-
-class Health(Section):
-    """When the motor loop finds the robot unfit to drive."""
-
-    battery_low_v: NotNegative
-    battery_s: NotNegative
-    encoder_timeout_s: Positive
-    stuck_duty: Share
-    stuck_s: Positive
-
-
-class MotorLoop(Section):
-    """The onboard program."""
-
-    rate_hz: Positive
-    wheel_state_rate_hz: Positive
-    wheel_state_window_s: Positive
-    status_rate_hz: Positive
-    watchdog_s: Positive
-    command_lifetime_s: Positive
-    encoder_counts_per_rev: Annotated[int, Field(ge=4)]
-    health: Health
-    pid: Pid
-    limits: VelocityLimits
-
-
-class Motor(Section):
-    """Both geared motors of the plant; pairs are (left, right), torques are those at the wheel."""
-
-    drive: Literal["dc", "instantaneous", "linear"]
-    torque_constant_n_m_per_a: Positive
-    resistance_ohm: Positive
-    gear_ratio: Positive
-    rotor_inertia_kg_m2: NotNegative
-    viscous_friction_n_m_s_per_rad: NotNegative
-    coulomb_friction_n_m: tuple[NotNegative, NotNegative]
-    breakaway_friction_n_m: tuple[NotNegative, NotNegative]
-    gain: Pair
-    command_timeout_s: Positive
-
-
-class Battery(Section):
-    """What the motors and the board are fed from."""
-
-    full_v: Positive
-    empty_v: Positive
-    state_of_charge: Share
-    capacity_ah: Positive
-    resistance_ohm: NotNegative
-    board_current_a: NotNegative
-
-
-class Body(Section):
-    """Mass, and how the real body differs from what the software believes."""
-
-    mass_kg: Positive
-    inertia_kg_m2: Positive
-    centre_of_mass_ahead_m: Finite
-    wheel_inertia_kg_m2: NotNegative
-    wheel_radius_factor: tuple[Positive, Positive]
-    track_width_factor: Positive
-    slip_angle_rad_s2_per_m: NotNegative
-
-    @model_validator(mode="after")
-    def _can_exist(self) -> Body:
-        smallest = self.mass_kg * self.centre_of_mass_ahead_m**2
-        if self.inertia_kg_m2 < smallest:
-            raise ValueError(
-                f"inertia_kg_m2 about the axle's centre is {self.inertia_kg_m2}, the offset of the "
-                f"centre of mass alone makes {smallest:.3g}"
-            )
-        return self
-
-
-class Placement(Section):
-    """How exactly a hand places the robot: uniform within plus and minus these."""
-
-    position_m: NotNegative
-    angle_rad: NotNegative
-
-
-class Plant(Section):
-    """What stands in for hardware."""
-
-    encoder_rate_hz: Positive
-    largest_step_s: Positive
-    initial_pose: Triple
-    motor: Motor
-    battery: Battery
-    body: Body
-    placement: Placement
-
-
-class Mocap(Section):
-    """The motion-capture cameras."""
-
-    rate_hz: Positive
-    latency_s: NotNegative
-    latency_jitter_s: NotNegative
-    position_noise_m: NotNegative
-    angle_noise_rad: NotNegative
-    marker_offset: Triple
-    lost_frame_share: Share
-    occlusions_per_s: NotNegative
-    occlusion_s: Annotated[tuple[NotNegative, NotNegative], AfterValidator(_ordered)]
 
 
 class StateSet(Section):

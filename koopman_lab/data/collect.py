@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import Processing, RobotKind
+from koopman_lab.config.schema import Processing
+from koopman_lab.config.values import RobotKind
 from koopman_lab.data.processing import pair, states
 from koopman_lab.data.segments import Run, Segment
 from koopman_lab.errors import DataError

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.load import load_config
-from koopman_lab.config.schema import RobotKind
+from koopman_lab.config.values import RobotKind
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import DataError
 from koopman_lab.files import replacing, replacing_folder, write_json

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import LabConfig, RobotKind
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.values import RobotKind
 from koopman_lab.data.collect import collect
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.recording import recording

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import RobotKind
+from koopman_lab.config.values import RobotKind
 from koopman_lab.data.segments import Segment
 from koopman_lab.geometry import TAU
 from koopman_lab.units import US_PER_S

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 import lcmtypes
 from koopman_lab.bus.channels import MOCAP_POSE, REFERENCE_STATE
-from koopman_lab.config.schema import LabConfig, RobotKind
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.values import RobotKind
 from koopman_lab.data.collect import check_frames
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.marker import without_offset

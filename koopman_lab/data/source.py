@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from koopman_lab.config.load import load_config
-from koopman_lab.config.schema import RobotKind
+from koopman_lab.config.values import RobotKind
 from koopman_lab.data.dat import is_folder, read_folder
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.decode import SessionLog

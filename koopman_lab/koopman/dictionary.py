@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import RobotKind
+from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import ModelError
 from koopman_lab.koopman.expression import Components, Expressions, canonical, split
 from koopman_lab.robot.models import nominal_model

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import RobotKind
+from koopman_lab.config.values import RobotKind
 from koopman_lab.geometry import wrap_angle
 from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.robot.models import nominal_model

@@ -14,7 +14,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import RobotKind
+from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import ModelError
 from koopman_lab.files import replacing
 from koopman_lab.geometry import ORIGIN, Pose

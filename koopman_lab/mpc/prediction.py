@@ -14,7 +14,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import Controller, RobotKind
+from koopman_lab.config.schema import Controller
+from koopman_lab.config.values import RobotKind
 from koopman_lab.geometry import ORIGIN, Pose
 from koopman_lab.koopman.dictionary import Dictionary
 from koopman_lab.koopman.model import BilinearModel

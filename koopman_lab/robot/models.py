@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import RobotKind
+from koopman_lab.config.values import RobotKind
 
 Components = list[Any]
 """Numbers, arrays of equal shape, or CasADi symbols."""

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.change import changed
-from koopman_lab.config.schema import LabConfig, RobotKind
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.values import RobotKind
 from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.mpc.costs import StageCost, stage_cost
 from koopman_lab.mpc.prediction import KoopmanPrediction, LiftedPrediction, PredictionModel

@@ -12,7 +12,7 @@ from offboard.console import options
 from offboard.console.terminal import err
 
 if TYPE_CHECKING:
-    from koopman_lab.config.schema import Fault
+    from koopman_lab.config.robot_side import Fault
 
 TRIES = 100
 WAIT_S = 0.02
@@ -97,7 +97,7 @@ def fault(
 def _fault(kind: FaultName, duration_s: float, **details: Any) -> Fault:
     from pydantic import ValidationError
 
-    from koopman_lab.config.schema import Fault
+    from koopman_lab.config.robot_side import Fault
     from koopman_lab.errors import ConfigError
 
     given = {"kind": kind.name, "duration_s": None if math.isinf(duration_s) else duration_s}

@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from koopman_lab.config.schema import Fault, RobotKind
+from koopman_lab.config.robot_side import Fault
+from koopman_lab.config.values import RobotKind
 from koopman_lab.geometry import Pose
 from offboard.commander import LOGGER_TIMEOUT_S
 from offboard.console.fault_bounds import (

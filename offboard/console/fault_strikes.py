@@ -16,7 +16,8 @@ from koopman_lab.bus.channels import (
     VELOCITY_CMD,
     WHEEL_STATE,
 )
-from koopman_lab.config.schema import Fault, RobotKind
+from koopman_lab.config.robot_side import Fault
+from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import LabStateError, ModelError
 from koopman_lab.geometry import Pose
 from koopman_lab.mpc.prediction import NominalPrediction

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from koopman_lab.config.load import load_config
-from koopman_lab.config.schema import LabConfig, RobotKind
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import DataError
 from koopman_lab.geometry import Pose, wrap_angle
 

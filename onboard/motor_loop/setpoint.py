@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from koopman_lab.config.schema import VelocityLimits
+from koopman_lab.config.robot_side import VelocityLimits
 from koopman_lab.geometry import REST, Velocity
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from koopman_lab.config.schema import Mocap
+from koopman_lab.config.robot_side import Mocap
 from koopman_lab.geometry import PlainPose, wrap_angle
 from koopman_lab.units import US_PER_S
 

@@ -10,7 +10,7 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.wire import SILENCE_US, Wire
 from koopman_lab.config.load import load_config
-from koopman_lab.config.schema import Fault
+from koopman_lab.config.robot_side import Fault
 from koopman_lab.data.eventlog import read_events
 from koopman_lab.geometry import Pose
 from koopman_lab.robot.faults import fault_message

@@ -8,7 +8,7 @@ from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.radio import Radio
 from koopman_lab.bus.realtime import run_node
 from koopman_lab.config.load import load_config
-from koopman_lab.config.schema import RadioLink
+from koopman_lab.config.robot_side import RadioLink
 
 PERFECT = dict.fromkeys(RadioLink.model_fields, 0.0)
 PERIOD_US = 10_000

@@ -9,7 +9,7 @@ from klab import klab, klab_json, klab_ok
 from rich.console import Console
 
 from koopman_lab.config.load import load_config
-from koopman_lab.config.schema import Fault, FaultKind
+from koopman_lab.config.robot_side import Fault, FaultKind
 from offboard.console.bench_faults import Row, as_table, suffer
 from offboard.console.fault_scenarios import SCENARIOS, Scenario
 from offboard.console.fault_strikes import Inject

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from koopman_lab.config.load import load_config
-from koopman_lab.config.schema import Fault
+from koopman_lab.config.robot_side import Fault
 from koopman_lab.geometry import Pose
 from koopman_lab.units import wrap_counter
 from onboard.plant.cameras import Cameras

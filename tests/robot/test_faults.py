@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from koopman_lab.config.load import dump_config, load_config, parse_config
-from koopman_lab.config.schema import Fault, PlannedFault
+from koopman_lab.config.robot_side import Fault, PlannedFault
 from koopman_lab.robot.faults import KINDS, NO_EFFECTS, Faults, fault_message, fault_of
 
 kinds = st.sampled_from(KINDS)
