@@ -20,7 +20,7 @@ CACHE_VARIABLE = "KOOPMAN_LAB_CACHE"
 
 COMPILERS = ("cc", "gcc", "clang")
 # Contraction would make the last digits depend on the machine's instruction set.
-FLAGS = ("-O2", "-ffp-contract=off", "-w", "-fPIC", "-shared")
+FLAGS = ("-O3", "-ffp-contract=off", "-w", "-fPIC", "-shared")
 LONGEST_S = 120.0
 FROM_OUTPUT = 200
 """Characters of what the compiler says that go into a message."""

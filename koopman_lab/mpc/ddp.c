@@ -7,26 +7,40 @@
  *   ddp_end(s, p)            -> cost without an input, its gradient (N), its Hessian (N x N)
  *
  * and behind SIZE (N), HORIZON, and the sizes of CasADi's work arrays.
+ *
+ * Where the value curves down in an input, either sign of it can be a local minimum, and a horizon
+ * has as many as there are combinations. Of these, neighbours of the plan are tried one by one, and
+ * a second start. That is so for predictions without reprojection that stray from every state.
  */
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
-enum { N = SIZE, Z = N + 2, STEPS = HORIZON, SEARCHES = 10, RAISES = 12 };
+enum { N = SIZE, Z = N + 2, STEPS = HORIZON, SEARCHES = 10, RAISES = 12, FARTHEST = 3, RECENT = 4 };
+
+/* What a look at all neighbours takes, in iterations. */
+enum { LOOK = 4 };
 
 /* Of the present value: least curvature, and weights that keep a step small after a failed one. */
 static const double SMALLEST_CURVATURE = 1e-9, FIRST_WEIGHT = 1e-3, LAST_WEIGHT = 1e-6;
 /* Share of the expected decrease that a step must bring. */
 static const double SUFFICIENT = 1e-4;
+/* Of the present value: least gain by which a neighbour replaces a plan. */
+static const double NOTICEABLE = 1e-7;
+/* What the second start leaves of the guess: it lies off the bounds. */
+static const double INSIDE = 0.9;
 
 typedef struct {
-  double s[STEPS + 1][N], u[STEPS][2], value;
+  double s[STEPS + 1][N], u[STEPS][2], l[STEPS], value;
 } plan_t;
 
 /* Whoever calls brings it, so that several solvers may work at once. */
 typedef struct {
-  plan_t now, next;
+  plan_t now, next, best;
   double feed[STEPS][2], gain[STEPS][2][N], w[SZ_W + 1];
   casadi_int iw[SZ_IW + 1];
+  /* Whether the value curved down in an input: in the last descent, and in its last iterations. */
+  int concave, concave_late;
 } work_t;
 
 int ddp_work_size(void) { return sizeof(work_t); }
@@ -51,17 +65,19 @@ static double end(work_t *m, const double *s, const double *p, double *g, double
   return l;
 }
 
-/* Raise the eigenvalues of [[a, b], [b, c]] to their magnitudes, and to the least one at least. */
-static void make_positive(double *a, double *b, double *c, double least) {
+/* Raise the eigenvalues of [[a, b], [b, c]] to their magnitudes, and to the least one at least. Tell
+ * whether one was negative. */
+static int make_positive(double *a, double *b, double *c, double least) {
   const double mean = 0.5 * (*a + *c), half = 0.5 * (*a - *c), radius = hypot(half, *b);
   const double low = mean - radius, high = mean + radius;
   const double new_low = fmax(fabs(low), least), new_high = fmax(fabs(high), least);
-  if (low == new_low && high == new_high) return;
+  if (low == new_low && high == new_high) return 0;
   const double new_mean = 0.5 * (new_low + new_high);
   const double scale = radius > 0.0 ? 0.5 * (new_high - new_low) / radius : 0.0;
   *a = new_mean + scale * half;
   *c = new_mean - scale * half;
   *b *= scale;
+  return low < 0.0;
 }
 
 static double clip(double x, double low, double high) { return fmin(fmax(x, low), high); }
@@ -93,13 +109,15 @@ static void box(const double Q[2][2], const double q[2], const double low[2], co
   }
 }
 
-/* Fill feed and gain; give the first and second order of the expected change of the value. */
+/* Fill feed and gain; give the first and second order of the expected change of the value, and
+ * whether it curves down in an input. */
 static void backward(work_t *m, const double *p, const double *u_max, double weight, double *first,
-                     double *second) {
+                     double *second, int *concave) {
   double vx[N], vxx[N * N], f[N * Z], g[Z], h[Z * Z], t[N * Z];
   const double least = SMALLEST_CURVATURE * m->now.value / STEPS;
   end(m, m->now.s[STEPS], p, vx, vxx);
   *first = *second = 0.0;
+  *concave = 0;
   for (int k = STEPS - 1; k >= 0; --k) {
     const double *u = m->now.u[k];
     expand(m, m->now.s[k], u, p, vx, f, g, h);
@@ -120,7 +138,7 @@ static void backward(work_t *m, const double *p, const double *u_max, double wei
       }
     }
     double a = h[N + Z * N] + weight, b = h[N + Z * (N + 1)], c = h[N + 1 + Z * (N + 1)] + weight;
-    make_positive(&a, &b, &c, least);
+    *concave |= make_positive(&a, &b, &c, least);
     const double Q[2][2] = {{a, b}, {b, c}}, *q = g + N;
     const double low[2] = {-u_max[0] - u[0], -u_max[1] - u[1]};
     const double high[2] = {u_max[0] - u[0], u_max[1] - u[1]};
@@ -160,49 +178,84 @@ static void backward(work_t *m, const double *p, const double *u_max, double wei
   }
 }
 
+/* The input at stage k of now, corrected for what next's state differs by. */
+static void follow(work_t *m, const double *u_max, int k, double share) {
+  for (int j = 0; j < 2; ++j) {
+    double u = m->now.u[k][j] + share * m->feed[k][j];
+    for (int i = 0; i < N; ++i) u += m->gain[k][j][i] * (m->next.s[k][i] - m->now.s[k][i]);
+    m->next.u[k][j] = clip(u, -u_max[j], u_max[j]);
+  }
+}
+
 /* Simulate a share of the change into next. */
 static void forward(work_t *m, const double *p, const double *u_max, double share) {
   memcpy(m->next.s[0], m->now.s[0], sizeof m->next.s[0]);
   m->next.value = 0.0;
   for (int k = 0; k < STEPS; ++k) {
-    for (int j = 0; j < 2; ++j) {
-      double u = m->now.u[k][j] + share * m->feed[k][j];
-      for (int i = 0; i < N; ++i) u += m->gain[k][j][i] * (m->next.s[k][i] - m->now.s[k][i]);
-      m->next.u[k][j] = clip(u, -u_max[j], u_max[j]);
-    }
-    double l;
-    roll(m, m->next.s[k], m->next.u[k], p, m->next.s[k + 1], &l);
-    m->next.value += l;
+    follow(m, u_max, k, share);
+    roll(m, m->next.s[k], m->next.u[k], p, m->next.s[k + 1], &m->next.l[k]);
+    m->next.value += m->next.l[k];
   }
   m->next.value += end(m, m->next.s[STEPS], p, 0, 0);
 }
 
-/* Improve inputs (STEPS x 2). Return the number of iterations, negative if they did not suffice. */
-int ddp_solve(void *work, const double *s0, const double *p, const double *u_max, double tolerance,
-              int most, double *inputs) {
-  work_t *m = work;
+/* Simulate what follows if the inputs of stages first to last are next's. Make it the present plan
+ * if it costs less. */
+static int adopt(work_t *m, const double *p, const double *u_max, int first, int last) {
+  double value = 0.0;
+  for (int k = 0; k < first; ++k) value += m->now.l[k];
+  memcpy(m->next.s[first], m->now.s[first], sizeof m->now.s[first]);
+  for (int k = first; k < STEPS; ++k) {
+    if (k > last) follow(m, u_max, k, 0.0);
+    roll(m, m->next.s[k], m->next.u[k], p, m->next.s[k + 1], &m->next.l[k]);
+    value += m->next.l[k];
+    if (!(value < m->now.value)) return 0;
+  }
+  value += end(m, m->next.s[STEPS], p, 0, 0);
+  if (!(value < m->now.value * (1.0 - NOTICEABLE))) return 0;
+  const int stages = STEPS - first;
+  memcpy(m->now.s[first], m->next.s[first], (stages + 1) * sizeof m->now.s[0]);
+  memcpy(m->now.u[first], m->next.u[first], stages * sizeof m->now.u[0]);
+  memcpy(m->now.l + first, m->next.l + first, stages * sizeof m->now.l[0]);
+  m->now.value = value;
+  return 1;
+}
+
+/* Turn each input round, and exchange it with those shortly after it. Tell whether that helped. */
+static int rearrange(work_t *m, const double *p, const double *u_max) {
+  int found = 0;
+  for (int k = 0; k < STEPS; ++k)
+    for (int j = 0; j < 2; ++j)
+      for (int other = k; other < STEPS && other <= k + FARTHEST; ++other) {
+        const double here = m->now.u[k][j], there = m->now.u[other][j];
+        if (other > k && here == there) continue;
+        memcpy(m->next.u[k], m->now.u[k], (other - k + 1) * sizeof m->now.u[0]);
+        m->next.u[k][j] = other > k ? there : -here;
+        if (other > k) m->next.u[other][j] = here;
+        found |= adopt(m, p, u_max, k, other);
+      }
+  return found;
+}
+
+/* Improve now by Newton's method. Return the number of iterations, negative if they did not
+ * suffice. */
+static int descend(work_t *m, const double *p, const double *u_max, double tolerance, int most) {
   double weight = 0.0;
-  int raises = 0;
-  memset(m, 0, sizeof *m);
-  memcpy(m->now.s[0], s0, sizeof m->now.s[0]);
-  memcpy(m->now.u, inputs, sizeof m->now.u);
-  /* With nothing to change, this simulates the guess. */
-  forward(m, p, u_max, 0.0);
-  m->now = m->next;
-  if (m->now.value == 0.0) return 0;
+  int raises = 0, late = 0;
+  m->concave = 0;
   for (int iteration = 1; iteration <= most; ++iteration) {
     const double value = m->now.value;
     double first, second, share = 1.0;
-    int accepted = 0;
-    backward(m, p, u_max, weight, &first, &second);
+    int accepted = 0, concave;
+    backward(m, p, u_max, weight, &first, &second, &concave);
+    late = concave ? RECENT : late - 1;
+    m->concave |= concave;
+    m->concave_late = late > 0;
     for (int search = 0; search < SEARCHES && !accepted; ++search, share *= 0.5) {
       forward(m, p, u_max, share);
       accepted = m->next.value <= value + SUFFICIENT * share * (first + share * second);
     }
-    if (accepted) {
-      m->now = m->next;
-      memcpy(inputs, m->now.u, sizeof m->now.u);
-    }
+    if (accepted) m->now = m->next;
     if (weight == 0.0 && -(first + second) <= tolerance * value) return iteration;
     if (accepted) {
       raises = 0;
@@ -213,4 +266,44 @@ int ddp_solve(void *work, const double *s0, const double *p, const double *u_max
     }
   }
   return -most;
+}
+
+/* Improve a share of the inputs; where many minima are close, go on from neighbours. Return as
+ * descend does. */
+static int improve(work_t *m, const double *s0, const double *p, const double *u_max,
+                   double tolerance, int most, double share, const double *inputs) {
+  memset(m->feed, 0, sizeof m->feed);
+  memset(m->gain, 0, sizeof m->gain);
+  memcpy(m->now.s[0], s0, sizeof m->now.s[0]);
+  for (int k = 0; k < STEPS; ++k)
+    for (int j = 0; j < 2; ++j) m->now.u[k][j] = share * inputs[2 * k + j];
+  /* With nothing to change, this simulates the guess. */
+  forward(m, p, u_max, 0.0);
+  m->now = m->next;
+  if (m->now.value == 0.0) return 0;
+  int count = descend(m, p, u_max, tolerance, most), spent = abs(count);
+  for (most -= LOOK; m->concave && spent < most && rearrange(m, p, u_max); most -= LOOK) {
+    count = descend(m, p, u_max, tolerance, most - spent);
+    spent += abs(count);
+  }
+  return count < 0 ? -spent : spent;
+}
+
+/* Improve inputs (STEPS x 2). Return the number of iterations, negative if they did not suffice. */
+int ddp_solve(void *work, const double *s0, const double *p, const double *u_max, double tolerance,
+              int most, double *inputs) {
+  work_t *m = work;
+  memset(m, 0, sizeof *m);
+  int count = improve(m, s0, p, u_max, tolerance, most, 1.0, inputs), spent = abs(count);
+  m->best = m->now;
+  if (m->concave_late && spent < most) {
+    const int more = improve(m, s0, p, u_max, tolerance, most - spent, INSIDE, inputs);
+    spent += abs(more);
+    if (m->now.value < m->best.value) {
+      m->best = m->now;
+      count = more;
+    }
+  }
+  memcpy(inputs, m->best.u, sizeof m->best.u);
+  return count < 0 ? -spent : spent;
 }

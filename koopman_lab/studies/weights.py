@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from koopman_lab.config.change import changed
 from koopman_lab.config.schema import CostName, LabConfig, Weights
 from koopman_lab.koopman.dictionary import Dictionary, dictionary
 from koopman_lab.mpc.prediction import PredictionModel
@@ -84,7 +85,7 @@ def apply(config: LabConfig, setting: Setting, observables: Dictionary) -> LabCo
         "weights": {**controller.weights, setting.cost: scaled},
         "u_max": (a, b),
     }
-    return config.model_copy(update={"controller": controller.model_copy(update=chosen)})
+    return changed(config, "controller", **chosen)
 
 
 def group_of(name: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -14,9 +14,6 @@ from offboard.console.bench_edmd import edmd
 from offboard.console.bench_lockstep import lockstep
 from offboard.console.bench_parks import parks
 from offboard.console.terminal import err, out, progress
-
-if TYPE_CHECKING:
-    pass
 
 app = typer.Typer(help="Measure this machine and the lab.", no_args_is_help=True)
 app.command()(lockstep)
@@ -197,7 +194,9 @@ def ocp(
     from dataclasses import asdict
 
     from offboard.console import bench_ocp
+    from offboard.console.bench_ocp_table import as_table, remarks
     from offboard.console.bench_realtime import stolen_s
+    from offboard.console.peers import has_do_mpc
 
     stolen_before_s = stolen_s()
     rows: list[bench_ocp.Row] = []
@@ -211,7 +210,7 @@ def ocp(
                 rows.append(row)
                 what = f"{row.problem}, {row.model}, {row.solver}"
                 report(len(rows), bench_ocp.rows_of(trained), what)
-    if not bench_ocp.has_do_mpc():
+    if not has_do_mpc():
         err.print("do-mpc is not installed and has no rows; pip install 'koopman-lab[bench]'")
     stolen = None if stolen_before_s is None else (stolen_s() or 0.0) - stolen_before_s
     if stolen is not None:
@@ -219,6 +218,6 @@ def ocp(
     if as_json:
         out.print_json(json.dumps([asdict(row) for row in rows]))
         return
-    out.print(bench_ocp.as_table(rows))
-    for line in bench_ocp.remarks(rows):
+    out.print(as_table(rows))
+    for line in remarks(rows):
         out.print(line)

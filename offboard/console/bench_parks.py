@@ -8,11 +8,12 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 
+from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import Pose, relative_to
 from offboard.console import options
@@ -63,7 +64,7 @@ class Row:
 
 
 def parks(
-    model: Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")],
+    model: options.ModelFile,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Number of starts.")] = 100,
     seed: options.Seed = None,
     config: options.ConfigFile = None,
@@ -86,7 +87,7 @@ def parks(
     lab = options.resolve(config, overrides, kind, preset, seed)
     loaded.require_robot(lab.robot.kind)
     offset_free = lab.controller.offset_free.model_copy(update={"enabled": True})
-    corrected = _with(lab, "controller", offset_free=offset_free)
+    corrected = changed(lab, "controller", offset_free=offset_free)
     koopman = KoopmanPrediction(loaded)
     nominal = NominalPrediction(lab.robot.kind, lab.controller.dt_s)
     controllers: dict[str, tuple[LabConfig, PredictionModel]] = {
@@ -143,7 +144,7 @@ def park_once(config: LabConfig, prediction: PredictionModel, start: Pose) -> Pa
     from offboard.controller.node import ControllerNode
     from offboard.logger.node import LoggerNode
 
-    placed = _with(config, "plant", initial_pose=tuple(start))
+    placed = changed(config, "plant", initial_pose=tuple(start))
     lab, node, witness = Lockstep(placed), ControllerNode(placed, prediction), Witness()
     with tempfile.TemporaryDirectory() as folder:
         log = LoggerNode(placed, Path(folder) / "session.lcm")
@@ -192,8 +193,3 @@ def as_table(rows: Sequence[Row], kind: str) -> Table:
         )
     table.caption = "median (largest)"
     return table
-
-
-def _with(config: LabConfig, section: str, **changes: Any) -> LabConfig:
-    changed = getattr(config, section).model_copy(update=changes)
-    return config.model_copy(update={section: changed})

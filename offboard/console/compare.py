@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from enum import Enum
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from offboard.console import options
 from offboard.console.folder import RunFolder, new_folder
@@ -37,7 +37,7 @@ CHANGES: dict[str, dict[str, Any]] = {
 
 
 def compare(
-    model: Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")],
+    model: options.ModelFile,
     controller: Annotated[
         list[Contestant] | None,
         typer.Option(
@@ -46,10 +46,7 @@ def compare(
             "be named. Default: all.",
         ),
     ] = None,
-    start: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option("--start", metavar="X Y THETA", help="m, m, degrees; default as the paper."),
-    ] = None,
+    start: options.Start = None,
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
     lockstep: options.InLockstep = False,
@@ -75,7 +72,8 @@ def compare(
     kind = loaded.robot_kind if config is None else None
     lab = options.resolve(config, overrides, kind, preset, seed, url, robot_name=robot_name)
     loaded.require_robot(lab.robot.kind)
-    labs = {choice.value: _changed(lab, choice.value) for choice in controller or Contestant}
+    names = [choice.value for choice in controller or Contestant]
+    labs = {name: changed(lab, "controller", **CHANGES[name]) for name in names}
     for each in labs.values():
         # Made once for what it refuses, before anything is started or written.
         receding_horizon(prediction_of(loaded, each.controller), each)
@@ -90,11 +88,6 @@ def compare(
         show(folder, facts[name])
         curves.append(_curve(name, folder))
     _write(whole, lab, facts, curves)
-
-
-def _changed(lab: LabConfig, name: str) -> LabConfig:
-    changed = lab.controller.model_copy(update=CHANGES[name])
-    return lab.model_copy(update={"controller": changed})
 
 
 def _curve(name: str, folder: RunFolder) -> Curve:

@@ -14,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import BusError
 from offboard.console import options
@@ -129,8 +130,7 @@ def _bus(lab: LabConfig) -> Iterator[Finding]:
     from koopman_lab.bus.channels import ESTOP
     from koopman_lab.bus.realtime import Listener
 
-    name = lab.robot.model_copy(update={"name": "DOCTOR"})
-    own = lab.model_copy(update={"robot": name})
+    own = changed(lab, "robot", name="DOCTOR")
     try:
         speaker, listener = Listener(own), Listener(own)
     except BusError as error:

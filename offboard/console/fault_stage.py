@@ -13,6 +13,7 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.channels import Channel, M
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node, Port, RawHandler, Tick
+from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry import Pose
@@ -132,8 +133,7 @@ class Stage:
         from koopman_lab.mpc.prediction import NominalPrediction
 
         start = list(START) if activity == "park" else list(config.plant.initial_pose)
-        placed = config.plant.model_copy(update={"initial_pose": tuple(start)})
-        self.config = config = config.model_copy(update={"plant": placed})
+        self.config = config = changed(config, "plant", initial_pose=tuple(start))
         self.lab = Lockstep(config)
         self.onboard = OnboardNode(config)
         self.witness = Witness()

@@ -69,6 +69,15 @@ Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of draws a
 Url = Annotated[
     str | None, typer.Option("--url", help="LCM bus; default: LCM_DEFAULT_URL, then bus.url.")
 ]
+ModelFile = Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")]
+Start = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option("--start", metavar="X Y THETA", help="m, m, degrees; default as the paper."),
+]
+Goal = Annotated[
+    tuple[float, float, float],
+    typer.Option("--goal", metavar="X Y THETA", help="Goal pose: m, m, degrees."),
+]
 ReferenceShape = Annotated[ShapeName, typer.Option("--shape", help="Shape of the runs.")]
 Out = Annotated[
     Path | None,

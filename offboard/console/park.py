@@ -27,15 +27,9 @@ START_LIMIT_S = 30.0
 
 
 def park(
-    model: Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")],
-    start: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option("--start", metavar="X Y THETA", help="m, m, degrees; default as the paper."),
-    ] = None,
-    goal: Annotated[
-        tuple[float, float, float],
-        typer.Option("--goal", metavar="X Y THETA", help="Goal pose: m, m, degrees."),
-    ] = (0.0, 0.0, 0.0),
+    model: options.ModelFile,
+    start: options.Start = None,
+    goal: options.Goal = (0.0, 0.0, 0.0),
     cost: Annotated[
         str | None, typer.Option("--cost", help="Stage cost: me, ce, ds (section 3.3).")
     ] = None,

@@ -192,11 +192,8 @@ def reference(
 
 @app.command()
 def controller(
-    model: Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")],
-    goal: Annotated[
-        tuple[float, float, float],
-        typer.Option("--goal", metavar="X Y THETA", help="Goal pose: m, m, degrees."),
-    ] = (0.0, 0.0, 0.0),
+    model: options.ModelFile,
+    goal: options.Goal = (0.0, 0.0, 0.0),
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
     robot: options.Robot = None,

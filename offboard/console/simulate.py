@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ModelError
 from offboard.console import options
@@ -45,10 +46,7 @@ def simulate(
     model: Annotated[
         Path | None, typer.Option("--model", metavar="FILE", help="From `klab train`.")
     ] = None,
-    start: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option("--start", metavar="X Y THETA", help="m, m, degrees; default as the paper."),
-    ] = None,
+    start: options.Start = None,
     cost: Annotated[
         list[CostChoice] | None, typer.Option("--cost", help="Stage cost; several may be named.")
     ] = None,
@@ -95,7 +93,9 @@ def simulate(
     rest = [0.0] * (2 if lab.robot.kind == "dynamic" else 0)
     x0 = np.array([*options.pose_of(typed), *rest])
     controllers = [(c, way) for c in costs for way in ways]
-    labs = [_configured(lab, c, way) for c, way in controllers]
+    labs = [
+        changed(lab, "controller", cost=c, reprojection=way != "lifted") for c, way in controllers
+    ]
     models = [_prediction(lab, loaded, way) for _, way in controllers]
     place, runs = new_folder(folder, "simulation", lab), {}
     with progress("simulating") as report:
@@ -103,11 +103,6 @@ def simulate(
             runs[f"{c}-{way}"] = closed_loop(labs[number], models[number], x0, seconds)
             report(number + 1, len(controllers), f"{c}, {way}")
     _write(place, lab, runs, model)
-
-
-def _configured(lab: LabConfig, cost: str, way: str) -> LabConfig:
-    chosen = {"cost": cost, "reprojection": way != "lifted"}
-    return lab.model_copy(update={"controller": lab.controller.model_copy(update=chosen)})
 
 
 def _prediction(lab: LabConfig, loaded: Any, way: str) -> PredictionModel:

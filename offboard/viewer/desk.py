@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from koopman_lab.bus.realtime import Listener
+from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.units import US_PER_S
@@ -134,7 +135,6 @@ class Desk:
     def _mouth(self, name: str) -> Listener:
         mouth = self._mouths.get(name)
         if mouth is None:
-            robot = self._config.robot.model_copy(update={"name": name})
-            mouth = Listener(self._config.model_copy(update={"robot": robot}))
+            mouth = Listener(changed(self._config, "robot", name=name))
             self._mouths[name] = mouth
         return mouth

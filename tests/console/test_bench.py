@@ -75,6 +75,9 @@ def test_bench_ocp_has_a_row_for_each_solver_there_is():
         assert row["problem"] == "kinematic"
         assert 0.0 < row["median_ms"] <= row["p99_ms"] <= row["max_ms"]
         assert row["worse_share"] == len(row["exceptions"]) / 3
+        for exception in row["exceptions"]:
+            assert exception["value"] > exception["best"]
+            assert exception["ours_from_best"] <= exception["best"] * (1.0 + 1e-6)
 
 
 def test_bench_parks_counts_where_the_robot_truly_stands():

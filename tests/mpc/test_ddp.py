@@ -68,3 +68,21 @@ def test_linear_motion_has_the_closed_form_of_least_squares():
     np.testing.assert_allclose(plan.inputs[:, 0], v, atol=1e-9)
     np.testing.assert_allclose(plan.inputs[:, 1], 0.0, atol=1e-12)
     assert plan.iterations <= 2
+
+
+class TwoWells:
+    """A cost with a minimum for either sign of an input; the negative one is lower."""
+
+    parameters = np.array([0.1])
+
+    def __call__(self, _x, u, parameters=None):
+        tilt = self.parameters if parameters is None else parameters
+        return (u[0] ** 2 - 1.0) ** 2 + tilt[0] * (u[0] + 1.0) ** 2 + u[1] ** 2
+
+
+def test_where_the_value_curves_down_the_other_sign_of_an_input_is_tried():
+    model, cost = NominalPrediction("kinematic", 0.1), TwoWells()
+    solver = make_solver(model, cost, HORIZON, (2.0, 2.0))
+    plan = solver.solve(np.zeros(3), np.full((HORIZON, 2), 0.3))
+    assert plan.ok
+    np.testing.assert_allclose(plan.inputs, np.tile([-1.0, 0.0], (HORIZON, 1)), atol=1e-4)
