@@ -27,7 +27,6 @@ ROBOT = "R2"
 """The log in tests/data/reference is of R1, so that a replay of it may share the bus."""
 STOP_US = 100_000
 """From the click to motors at zero; alone on the machine it takes 5 to 20 ms."""
-STAND_US = 300_000
 """From the click to wheels at rest: at full speed the motors' own braking takes 145 ms."""
 
 
@@ -279,7 +278,8 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(browser
         controller.communicate(timeout=60)
     for zero_us, stood_us in (by_key, by_button):
         assert 0 <= zero_us <= STOP_US
-        assert zero_us <= stood_us <= STAND_US
+        # How soon after, is a matter of the motors: tests/onboard/test_emergency_stop.py.
+        assert zero_us <= stood_us
     pids = []
     bus.subscribe(HEARTBEATS["plant"], lambda beat: pids.append(beat.pid))
     while not pids:

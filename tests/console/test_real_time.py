@@ -140,7 +140,7 @@ def test_the_emergency_stop_holds_until_it_is_released(ear):
 def test_a_second_lab_on_the_same_bus_is_refused(tmp_path):
     done = klab("up", "--out", tmp_path / "second")
     assert done.returncode == 2
-    assert "onboard, plant of R1 already on" in done.stderr
+    assert "of R1 already on" in done.stderr
     assert not (tmp_path / "second").exists()
 
 

@@ -1,14 +1,17 @@
 """What kill -9 leaves of a study, and a cluster: in the end the same files, to the last byte."""
 
+import contextlib
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
+from joblib.externals.loky import get_reusable_executor
 from test_parking_study import tiny
 
 from koopman_lab.errors import LabStateError
@@ -40,24 +43,31 @@ def workers() -> list[int]:
     """Return the processes of the pool of this one."""
     found = []
     for task in Path("/proc/self/task").iterdir():
-        for child in map(int, (task / "children").read_text().split()):
-            command = Path(f"/proc/{child}/cmdline").read_bytes()
-            found += [child] if b"popen_loky" in command else []
+        with contextlib.suppress(FileNotFoundError):  # a thread, or a process, that has just ended
+            for child in map(int, (task / "children").read_text().split()):
+                command = Path(f"/proc/{child}/cmdline").read_bytes()
+                found += [child] if b"popen_loky" in command else []
     return found
 
 
+def kill_the_first() -> None:
+    """Kill a worker as soon as there is one, long before it has anything to show."""
+    end_s = time.monotonic() + LIMIT_S
+    while time.monotonic() < end_s:
+        for worker in workers()[:1]:
+            os.kill(worker, signal.SIGKILL)
+            return
+        os.sched_yield()
+
+
 def test_a_killed_worker_is_replaced(tmp_path, undisturbed):
-    killed, left = [], []
-
-    def kill_one(done, _total, _rate):
-        if done and not killed:
-            killed.append(workers()[0])
-            os.kill(killed[0], signal.SIGKILL)
-
-    run_study(
-        *(tmp_path, study(), Processes(2)), chunk=1, on_progress=kill_one, on_loss=left.append
-    )
-    assert killed
+    # Workers that other tests have left would idle through this one.
+    get_reusable_executor().shutdown(wait=True, kill_workers=True)
+    left = []
+    killer = threading.Thread(target=kill_the_first)
+    killer.start()
+    run_study(tmp_path, study(), Processes(2), chunk=1, on_loss=left.append)
+    killer.join()
     assert left == [3]
     assert json.loads((tmp_path / "summary.json").read_text())["pools_lost"] == 1
     assert files(tmp_path) == undisturbed
