@@ -27,7 +27,6 @@ ROBOT = "R2"
 """The log in tests/data/reference is of R1, so that a replay of it may share the bus."""
 STOP_US = 100_000
 """From the click to motors at zero; alone on the machine it takes 5 to 20 ms."""
-"""From the click to wheels at rest: at full speed the motors' own braking takes 145 ms."""
 
 
 @pytest.fixture(scope="module")
