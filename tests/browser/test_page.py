@@ -233,7 +233,9 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(browser
         " () => { window.pressed = Date.now(); }, { capture: true }); }"
     )
     wheels = Wheels(bus)
-    park = ("run", "controller", "--robot-name", ROBOT, "--model", MODEL, "--goal")
+    # At the goal it stays, however long the browser takes to send the robot somewhere else.
+    stays = ("--set", "controller.parked_hold_s=1000", "--set", "controller.time_limit_s=1000")
+    park = ("run", "controller", "--robot-name", ROBOT, "--model", MODEL, *stays, "--goal")
     controller = start_klab(*park, "1", "0", "0")
     try:
         expect(page.locator("#line")).to_contain_text("parking: driving", timeout=PATIENCE_MS)
