@@ -22,6 +22,9 @@ LINES = [
 
 SHORTER = {
     "klab calibrate --robot kinematic": ("--segments", "8", *SHORT_RUNS),
+    "klab calibrate --robot dynamic --lockstep --segments 30 --seed 3": (
+        *("--segments", "3", *SHORT_RUNS),
+    ),
     "klab calibrate --robot dynamic --lockstep": ("--segments", "20", *SHORT_RUNS),
     "klab calibrate --lockstep": ("--segments", "2", *SHORT_RUNS),
     "klab reference": ("--runs", "2"),
@@ -29,27 +32,32 @@ SHORTER = {
     "klab compare": ("--set", "controller.horizon=10", "--set", "controller.time_limit_s=1"),
     "klab simulate": ("--set", "controller.horizon=10", "--duration", "1"),
     "klab bench lockstep": ("--seconds", "2"),
+    "klab study kinematic-parking": ("--runs", "1", "--set", "controller.horizon=10"),
+    "klab study dynamic-parking": ("--runs", "1", "--set", "controller.horizon=10"),
+    "klab study fit": ("--runs", "1", "--workers", "1"),
+    "klab study weights": ("--factors", "1", "--duration", "1"),
 }
 """What the test adds to a command that begins so: the same command, on less."""
 
-NO_BUS = ("klab simulate", "klab bench motor", "klab bench lockstep")
+NO_BUS = ("klab simulate", "klab study", "klab bench motor", "klab bench lockstep")
 """Commands that need no bus and no other process, beside those of ALONE."""
 
 ELSEWHERE = {
-    "waits for a lab, a bus or Ctrl-C; its like: tests/console, tests/viewer": (
+    "waits for a lab, a bus or Ctrl-C; run by tests/console/test_readme_live.py": (
         *("klab up", "klab estop", "klab goal", "klab status", "klab down", "klab run"),
         *("klab view", "klab topics", "klab fault", "klab replay", "lcm-logplayer"),
         "klab calibrate --robot-name",
     ),
-    "trained from the log of a replay: tests/console/test_replay.py": ("klab train runs/replay",),
-    "no block makes runs/more": ("klab train runs/dynamic runs/more",),
+    "trained from the log of a replay, there too": ("klab train runs/replay",),
     "a cost that need not park the robot in time: tests/console/test_lab_runs.py": (
         "klab park --robot dynamic --model runs/dynamic.npz --cost ce",
     ),
     "not shortened yet, or asks more than a short session has: tests/console, tests/studies": (
         *("klab bench view", "klab bench faults", "klab bench realtime", "klab bench ocp"),
         *("klab bench parks", "klab bench logger", "klab bench dataset", "klab bench edmd"),
-        *("klab study", "klab reproduce", "klab dataset needed"),
+        *("klab study data-efficiency", "klab study horizon", "klab study combination"),
+        *("klab study dynamic-parking --model runs/dynamic.npz --dask", "klab reproduce"),
+        "klab dataset needed",
     ),
     "would run this test within itself, or needs a screen or a whole reproduction": ("./scripts/",),
 }
