@@ -32,14 +32,10 @@ SHORTER = {
     "klab compare": ("--set", "controller.horizon=10", "--set", "controller.time_limit_s=1"),
     "klab simulate": ("--set", "controller.horizon=10", "--duration", "1"),
     "klab bench lockstep": ("--seconds", "2"),
-    "klab study kinematic-parking": ("--runs", "1", "--set", "controller.horizon=10"),
-    "klab study dynamic-parking": ("--runs", "1", "--set", "controller.horizon=10"),
-    "klab study fit": ("--runs", "1", "--workers", "1"),
-    "klab study weights": ("--factors", "1", "--duration", "1"),
 }
 """What the test adds to a command that begins so: the same command, on less."""
 
-NO_BUS = ("klab simulate", "klab study", "klab bench motor", "klab bench lockstep")
+NO_BUS = ("klab simulate", "klab bench motor", "klab bench lockstep")
 """Commands that need no bus and no other process, beside those of ALONE."""
 
 ELSEWHERE = {
@@ -55,9 +51,7 @@ ELSEWHERE = {
     "not shortened yet, or asks more than a short session has: tests/console, tests/studies": (
         *("klab bench view", "klab bench faults", "klab bench realtime", "klab bench ocp"),
         *("klab bench parks", "klab bench logger", "klab bench dataset", "klab bench edmd"),
-        *("klab study data-efficiency", "klab study horizon", "klab study combination"),
-        *("klab study dynamic-parking --model runs/dynamic.npz --dask", "klab reproduce"),
-        "klab dataset needed",
+        *("klab study", "klab reproduce", "klab dataset needed"),
     ),
     "would run this test within itself, or needs a screen or a whole reproduction": ("./scripts/",),
 }
