@@ -20,8 +20,10 @@ FLAGS = [
     *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"),
     *("--disable-background-networking", "--disable-component-update"),
 ]
-PATIENCE_MS = 30_000
+PATIENCE_MS = 60_000
 MOST_TRIES = 600
+MOST_MESSAGES = 10_000
+"""Of the wheels: 200 a second, and to start a controller takes a while."""
 WAIT_S = 0.05
 ROBOT = "R2"
 """The log in tests/data/reference is of R1, so that a replay of it may share the bus."""
@@ -205,7 +207,7 @@ class Wheels:
         return zero_us - pressed_us, stood_us - pressed_us
 
     def _until(self, condition):
-        for _ in range(MOST_TRIES):
+        for _ in range(MOST_MESSAGES):
             while self._bus.spin(0.0):
                 pass
             if condition():
