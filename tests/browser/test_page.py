@@ -27,8 +27,6 @@ MOST_MESSAGES = 10_000
 WAIT_S = 0.05
 ROBOT = "R2"
 """The log in tests/data/reference is of R1, so that a replay of it may share the bus."""
-STOP_US = 100_000
-"""From the click to motors at zero; alone on the machine it takes 5 to 20 ms."""
 
 
 @pytest.fixture(scope="module")
@@ -280,9 +278,8 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(browser
         controller.send_signal(signal.SIGINT)
         controller.communicate(timeout=60)
     for zero_us, stood_us in (by_key, by_button):
-        assert 0 <= zero_us <= STOP_US
-        # How soon after, is a matter of the motors: tests/onboard/test_emergency_stop.py.
-        assert zero_us <= stood_us
+        # In order; how soon, is shown by `klab bench stop` and tests/onboard/test_emergency_stop.py.
+        assert 0 <= zero_us <= stood_us
     pids = []
     bus.subscribe(HEARTBEATS["plant"], lambda beat: pids.append(beat.pid))
     while not pids:
