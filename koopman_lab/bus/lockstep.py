@@ -14,7 +14,7 @@ from itertools import count
 from typing import Any
 
 from koopman_lab.bus.channels import Channel, M
-from koopman_lab.bus.node import Node, RawHandler
+from koopman_lab.bus.node import Node
 from koopman_lab.bus.port import BasePort
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
@@ -41,14 +41,18 @@ class LockstepPort(BasePort):
         super().finish()
         self._runner.finished = True
 
+    def is_heard(self, name: str) -> bool:
+        """Return whether a node listens to a channel by now."""
+        return name in self._runner.routes
+
     def send(self, name: str, data: bytes) -> None:
         """Queue the message for every node that listens."""
         runner = self._runner
         listeners = runner.routes.get(name)
         if listeners is not None:
             now_us, push = runner.now_us, runner.push
-            for order, deliver in listeners:
-                push(now_us, order, partial(deliver, name, data))
+            for order, receive in listeners:
+                push(now_us, order, partial(receive, data))
 
     def later(self, at_us: int, action: Callable[[int], None]) -> None:
         """Call ``action`` at ``at_us`` among this node's messages."""
@@ -79,9 +83,11 @@ class Lockstep:
         self._config = config
         self._nodes: list[Node] = []
         self._ports: list[LockstepPort] = []
-        self.routes: dict[str, list[tuple[int, RawHandler]]] = {}
+        self.routes: dict[str, list[tuple[int, Callable[[bytes, int], None]]]] = {}
         """By channel name: the order of each node that listens, and what hands it a message."""
-        self._queue: list[tuple[int, int, int, int, Any]] = []
+        # Apart, because most messages come at once, past all the timers that wait.
+        self._messages: list[tuple[int, int, int, Any]] = []
+        self._timers: list[tuple[int, int, int, Any]] = []
         self._sequence = count()
         self._injector: LockstepPort | None = None
 
@@ -93,11 +99,11 @@ class Lockstep:
         self._nodes.append(node)
         self._ports.append(port)
         for name in port.inlets:
-            self.routes.setdefault(name, []).append((order, port.deliver))
+            self.routes.setdefault(name, []).append((order, port.receiver(name)))
         for timer in port.timers:
             timer.start(self.now_us)
-            item = (timer.deadline_us, order, TIMER, next(self._sequence), timer)
-            heapq.heappush(self._queue, item)
+            item = (timer.deadline_us, 2 * order + TIMER, next(self._sequence), timer)
+            heapq.heappush(self._timers, item)
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message as if somebody outside the nodes had sent it now."""
@@ -109,7 +115,7 @@ class Lockstep:
 
     def push(self, at_us: int, order: int, action: Callable[[int], None]) -> None:
         """Call ``action`` with the time at ``at_us``, among the messages of one node."""
-        heapq.heappush(self._queue, (at_us, order, MESSAGE, next(self._sequence), action))
+        heapq.heappush(self._messages, (at_us, 2 * order + MESSAGE, next(self._sequence), action))
 
     def run(
         self,
@@ -134,24 +140,24 @@ class Lockstep:
         """
         end_us = self.now_us + round(limit_s * US_PER_S)
         next_report_us = self.now_us
-        queue, sequence = self._queue, self._sequence
-        push, pop = heapq.heappush, heapq.heappop
-        while queue:
-            item = pop(queue)
-            time_us, order, is_timer, _, what = item
+        messages, timers, sequence = self._messages, self._timers, self._sequence
+        pop, replace = heapq.heappop, heapq.heapreplace
+        # Every node has a timer, its heartbeat; so there is one as soon as there is a node.
+        while timers:
+            by_message = messages and messages[0] < timers[0]
+            time_us, rank, _, what = messages[0] if by_message else timers[0]
             if time_us > self.now_us:
                 if time_us > end_us:
-                    push(queue, item)
                     break
                 if self.finished:
-                    push(queue, item)
                     return True
                 self.now_us = time_us
-            if is_timer:
-                what.fire_in_time()
-                push(queue, (what.deadline_us, order, TIMER, next(sequence), what))
-            else:
+            if by_message:
+                pop(messages)
                 what(time_us)
+            else:
+                what.fire_in_time()
+                replace(timers, (what.deadline_us, rank, next(sequence), what))
             if time_us >= next_report_us:
                 next_report_us += US_PER_S
                 if on_progress is not None:

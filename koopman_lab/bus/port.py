@@ -74,7 +74,17 @@ class Outlet:
 class Inlet:
     """One channel that a node listens to."""
 
-    def __init__(self, by_radio: bool, wire: Wire | None, by_hand: bool, restamped: bool) -> None:
+    def __init__(
+        self,
+        name: str,
+        decode: Callable[[bytes], Any],
+        by_radio: bool,
+        wire: Wire | None,
+        by_hand: bool,
+        restamped: bool,
+    ) -> None:
+        self.name = name
+        self.decode = decode
         self.by_radio = by_radio
         self.wire = wire
         self.by_hand = by_hand
@@ -82,7 +92,9 @@ class Inlet:
         self.restamped = restamped
         """Whether the board reads it itself, and so stamps it by its own clock."""
         self.counter = SequenceCounter()
-        self.handlers: list[RawHandler] = []
+        self.raw_handlers: list[RawHandler] = []
+        self.handlers: list[Callable[[Any], None]] = []
+        """Called with the decoded message, after the raw ones."""
 
 
 class BasePort(ABC):
@@ -100,7 +112,6 @@ class BasePort(ABC):
         self.worst_lateness_us = 0
         self._node_name = node_name
         self.process = process
-        self._listeners: dict[str, list[Callable[[Any], None]]] = {}
         self._outlets: dict[str, Outlet] = {}
         self._heartbeat_rate_hz = config.bus.heartbeat_rate_hz
         self._radio: RadioPair | None = None
@@ -117,7 +128,8 @@ class BasePort(ABC):
 
     def now_us(self) -> int:
         """Return the present time by the node's own clock (us)."""
-        return self._own_us(self.bus_us())
+        bus_us = self.bus_us()
+        return bus_us if self._clock is None else self._own_us(bus_us)
 
     def _own_us(self, bus_us: int) -> int:
         if self._clock is None:
@@ -130,6 +142,11 @@ class BasePort(ABC):
     @abstractmethod
     def send(self, name: str, data: bytes) -> None:
         """Put an encoded message on the bus."""
+
+    def is_heard(self, name: str) -> bool:
+        """Return whether anybody may listen to a channel of the bus."""
+        del name
+        return True
 
     @abstractmethod
     def later(self, at_us: int, action: Callable[[int], None]) -> None:
@@ -150,8 +167,9 @@ class BasePort(ABC):
         message.sequence = outlet.next_sequence
         outlet.next_sequence += 1
         if outlet.by_radio:
+            # Also where nobody hears it yet: the radio decides about every message.
             self._transmit(outlet.name, message.encode())
-        else:
+        elif self.is_heard(outlet.name):
             self.send(outlet.name, message.encode())
 
     def _transmit(self, name: str, data: bytes) -> None:
@@ -169,37 +187,26 @@ class BasePort(ABC):
 
         A message is decoded once, however many handlers a node has for its channel.
         """
-        decode, listeners = channel.type.decode, self._listeners.get(channel.suffix)
-        if listeners is not None:
-            listeners.append(handler)
-            return
-        self._listeners[channel.suffix] = listeners = [handler]
-
-        def handle(name: str, data: bytes, arrived_us: int) -> None:
-            del name, arrived_us
-            try:
-                message = decode(data)
-            except (ValueError, struct.error):
-                self.undecodable += 1
-                return
-            for listener in listeners:
-                listener(message)
-
-        self.subscribe_raw(channel, handle)
+        self._inlet(channel).handlers.append(handler)
 
     def subscribe_raw(self, channel: Channel[M], handler: RawHandler) -> None:
         """Call ``handler`` with every message of a channel as bytes."""
+        self._inlet(channel).raw_handlers.append(handler)
+
+    def _inlet(self, channel: Channel[M]) -> Inlet:
         name = channel.name(self.robot_name)
         inlet = self.inlets.get(name)
         if inlet is None:
             wired_end = channel.wired and self._node_name in (ABOARD, "plant")
             inlet = self.inlets[name] = Inlet(
+                name,
+                channel.type.decode,
                 by_radio=self._radio is not None and not channel.wired,
                 wire=Wire() if wired_end and channel.rate != "event" else None,
                 by_hand=channel in (FAULT, PLANT_RESET),
                 restamped=self._clock is not None and channel.wired,
             )
-        inlet.handlers.append(handler)
+        return inlet
 
     def every(self, rate_hz: float, tick: Tick) -> None:
         """Call ``tick`` at absolute deadlines.
@@ -220,21 +227,26 @@ class BasePort(ABC):
         return {name: inlet.counter.lost for name, inlet in self.inlets.items()}
 
     def deliver(self, name: str, data: bytes, arrived_us: int) -> None:
-        """Take a message off the bus at ``arrived_us`` of the bus.
+        """Take a message off the bus at ``arrived_us`` of the bus."""
+        self.receiver(name)(data, arrived_us)
 
-        The radio may bring it to the node later, twice, or never.
+    def receiver(self, name: str) -> Callable[[bytes, int], None]:
+        """Return what takes a channel's messages off the bus, given the bytes and the time (us).
+
+        The radio may bring one to the node later, twice, or never.
         """
         inlet = self.inlets[name]
-        if self._radio is None or not inlet.by_radio:
-            self._receive(inlet, name, data, arrived_us)
-            return
-        for at_us in self._radio.to_robot.arrivals(arrived_us, self._faults.at(arrived_us).loss):
-            if at_us <= arrived_us:
-                self._receive(inlet, name, data, at_us)
-            else:
-                self.later(at_us, partial(self._receive, inlet, name, data))
+        return partial(self._receive_by_radio if inlet.by_radio else self._receive, inlet)
 
-    def _receive(self, inlet: Inlet, name: str, data: bytes, arrived_us: int) -> None:
+    def _receive_by_radio(self, inlet: Inlet, data: bytes, sent_us: int) -> None:
+        assert self._radio is not None
+        for at_us in self._radio.to_robot.arrivals(sent_us, self._faults.at(sent_us).loss):
+            if at_us <= sent_us:
+                self._receive(inlet, data, at_us)
+            else:
+                self.later(at_us, partial(self._receive, inlet, data))
+
+    def _receive(self, inlet: Inlet, data: bytes, arrived_us: int) -> None:
         """Hand a message to the handlers of its channel."""
         if len(data) >= SMALLEST_MESSAGE:
             utime, sequence = peek(data)
@@ -245,9 +257,17 @@ class BasePort(ABC):
             if inlet.restamped:
                 data = restamp(data, self._own_us(utime))
             inlet.counter.update(sequence)
-        own_us = arrived_us if self._clock is None else self._own_us(arrived_us)
-        for handler in inlet.handlers:
-            handler(name, data, own_us)
+        for handle_raw in inlet.raw_handlers:
+            handle_raw(inlet.name, data, self._own_us(arrived_us))
+        if not inlet.handlers:
+            return
+        try:
+            message = inlet.decode(data)
+        except (ValueError, struct.error):
+            self.undecodable += 1
+            return
+        for handle in inlet.handlers:
+            handle(message)
 
     def _on_fault(self, message: lcmtypes.fault_t) -> None:
         fault = fault_of(message)

@@ -76,3 +76,14 @@ def test_until_and_injected_messages():
     assert lockstep.run(10.0, until=lambda: lockstep.now_us >= 3_000_000)
     assert len(hearer.heard) == 1
     assert lockstep.now_us == pytest.approx(3_000_000, abs=20_000)
+
+
+def test_numbers_run_on_while_nobody_listens_and_a_later_listener_hears_the_next():
+    lockstep, hearer = Lockstep(CONFIG), Hearer()
+    lockstep.add(Talker())
+    lockstep.run(0.095)
+    lockstep.add(hearer)
+    lockstep.run(0.05)
+    assert [utime for _, utime in hearer.heard] == [100_000, 110_000, 120_000, 130_000, 140_000]
+    assert hearer.port.lost_messages()["R1_ENCODER"] == 0
+    assert hearer.port.inlets["R1_ENCODER"].counter.update(15) == 0
