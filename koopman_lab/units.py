@@ -3,8 +3,11 @@
 US_PER_S = 1_000_000
 COUNTER_RANGE = 1 << 32
 """Encoder counters are 32 bit wide on the wire."""
+HALF_RANGE = COUNTER_RANGE // 2
 
 
 def wrap_counter(counts: int) -> int:
     """Return counts as a signed 32-bit counter shows them."""
-    return (counts + COUNTER_RANGE // 2) % COUNTER_RANGE - COUNTER_RANGE // 2
+    if -HALF_RANGE <= counts < HALF_RANGE:
+        return counts
+    return (counts + HALF_RANGE) % COUNTER_RANGE - HALF_RANGE

@@ -30,7 +30,10 @@ class Radio:
     """
 
     def __init__(self, link: RadioLink, rng: np.random.Generator) -> None:
-        self._link = link
+        self._delay_s, self._jitter_s = link.delay_s, link.jitter_s
+        self._loss, self._duplication = link.loss, link.duplication
+        self._reordering, self._held_back_us = link.reordering, round(link.held_back_s * US_PER_S)
+        self._burst_rate_hz, self._burst_s = link.burst_rate_hz, link.burst_s
         self._rng = rng
         self._newest_us = 0
         self._burst_start_us = 0.0
@@ -41,32 +44,32 @@ class Radio:
 
         Calls come in order of time. ``loss`` is the share that a fault loses, if that is more.
         """
-        link, rng = self._link, self._rng
-        if self._in_burst(now_us) or rng.random() < max(link.loss, loss):
+        rng = self._rng
+        if self._in_burst(now_us) or rng.random() < max(self._loss, loss):
             return ()
-        if rng.random() < link.duplication:
+        if rng.random() < self._duplication:
             return self._arrival(now_us), self._arrival(now_us)
         return (self._arrival(now_us),)
 
     def _arrival(self, now_us: int) -> int:
-        link, rng = self._link, self._rng
-        delay_s = link.delay_s + link.jitter_s * rng.standard_exponential()
+        rng = self._rng
+        delay_s = self._delay_s + self._jitter_s * rng.standard_exponential()
         due_us = max(now_us + round(delay_s * US_PER_S), self._newest_us)
-        if rng.random() < link.reordering:
-            return due_us + round(link.held_back_s * US_PER_S)
+        if rng.random() < self._reordering:
+            return due_us + self._held_back_us
         self._newest_us = due_us
         return due_us
 
     def _in_burst(self, now_us: int) -> bool:
-        link, rng = self._link, self._rng
-        if link.burst_rate_hz == 0.0:
+        rng, rate_hz = self._rng, self._burst_rate_hz
+        if rate_hz == 0.0:
             return False
         if self._burst_end_us is None:
             self._burst_end_us = now_us
         while now_us >= self._burst_end_us:
-            pause_s = rng.standard_exponential() / link.burst_rate_hz
+            pause_s = rng.standard_exponential() / rate_hz
             self._burst_start_us = self._burst_end_us + pause_s * US_PER_S
-            length_s = link.burst_s * rng.standard_exponential()
+            length_s = self._burst_s * rng.standard_exponential()
             self._burst_end_us = self._burst_start_us + length_s * US_PER_S
         return now_us >= self._burst_start_us
 

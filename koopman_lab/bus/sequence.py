@@ -7,7 +7,7 @@ import struct
 _HEADER = struct.Struct(">8xqq")
 """Fingerprint, then utime and sequence: the first two fields of every type of this project."""
 
-_UTIME, _UTIME_AT = struct.Struct(">q"), 8
+_UTIME, _UTIME_AT = struct.Struct(">Q"), 8
 
 SMALLEST_MESSAGE = _HEADER.size
 
@@ -23,14 +23,13 @@ def peek(data: bytes) -> tuple[int, int]:
     struct.error
         If ``data`` is shorter than the two fields.
     """
-    utime, sequence = _HEADER.unpack_from(data)
-    return utime, sequence
+    header: tuple[int, int] = _HEADER.unpack_from(data)
+    return header
 
 
 def restamp(data: bytes, utime: int) -> bytes:
     """Return an encoded message with another ``utime``; it wraps as int64 does."""
-    utime = (utime + 2**63) % 2**64 - 2**63
-    return data[:_UTIME_AT] + _UTIME.pack(utime) + data[_UTIME_AT + _UTIME.size :]
+    return data[:_UTIME_AT] + _UTIME.pack(utime % 2**64) + data[_UTIME_AT + _UTIME.size :]
 
 
 class SequenceCounter:
