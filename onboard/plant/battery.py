@@ -23,9 +23,9 @@ class Battery:
         self._empty_v = battery.empty_v
         self._span_v = battery.full_v - battery.empty_v
         self._capacity_as = battery.capacity_ah * SECONDS_PER_HOUR
-        self._resistance_ohm = battery.resistance_ohm
         self._board_current_a = battery.board_current_a
-        self._motor_resistance_ohm = motor_resistance_ohm
+        self._board_drop_v = battery.resistance_ohm * battery.board_current_a
+        self._resistance_ratio = battery.resistance_ohm / motor_resistance_ohm
         self.held_v: float | None = None
         """Voltage at which a fault holds the terminals whatever the load, None without."""
 
@@ -43,9 +43,9 @@ class Battery:
         """
         if self.held_v is not None:
             return self.held_v, 0.0, 0.0
-        ratio = self._resistance_ohm / self._motor_resistance_ohm
+        ratio = self._resistance_ratio
         scale = 1.0 / (1.0 + ratio * (left_share * left_share + right_share * right_share))
-        base_v = scale * (self.open_circuit_v - self._resistance_ohm * self._board_current_a)
+        base_v = scale * (self.open_circuit_v - self._board_drop_v)
         return base_v, scale * ratio * left_share, scale * ratio * right_share
 
     def take(self, motor_charge_as: float, seconds: float) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from math import cos, sin
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,12 +18,10 @@ FRAMES_PER_DRAW = 256
 """Random numbers are drawn for many frames at once: one at a time costs more than all the rest."""
 
 
-class Frame(NamedTuple):
-    """What the tracking makes of one exposure; an invalid frame has no usable pose."""
-
-    utime: int
-    pose: PlainPose
-    valid: bool
+Frame = tuple[int, PlainPose, bool]
+"""What the tracking makes of one exposure: its time (us), the pose, and whether that is valid."""
+Numbers = tuple[float, float, float, bool, int]
+"""Of one frame: the errors of its pose, whether it is lost, and its delay (us)."""
 
 
 class Cameras:
@@ -34,23 +32,21 @@ class Cameras:
 
     def __init__(self, mocap: Mocap, rng: np.random.Generator) -> None:
         self._marker = mocap.marker_offset
-        self._lost_share = mocap.lost_frame_share
-        self._latency_us = round(mocap.latency_s * US_PER_S)
         self._occlusions_per_s = mocap.occlusions_per_s
         self._occlusion_s = mocap.occlusion_s
         self._hidden_from_us: int | None = None
         self._hidden_until_us = 0
         noise, occlusions = rng.spawn(2)
-        self._numbers = _draws(mocap, noise)
+        self._numbers = chain.from_iterable(_draws(mocap, noise))
         self._occlusions = occlusions
         self._pending: deque[tuple[int, Frame]] = deque()
         self._last_ready_us = 0
 
     def expose(self, utime: int, pose: PlainPose, *, hidden: bool = False) -> None:
         """Take a picture of the robot at its true pose at ``utime``; of nothing if it is hidden."""
-        e1, e2, e3, luck, delay_us = next(self._numbers)
-        if hidden or luck < self._lost_share or (self._occlusions_per_s and self._occluded(utime)):
-            frame = Frame(utime, NOTHING, False)
+        e1, e2, e3, lost, delay_us = next(self._numbers)
+        if hidden or lost or (self._occlusions_per_s and self._occluded(utime)):
+            frame = utime, NOTHING, False
         else:
             x1, x2, theta = pose
             ahead_m, left_m, turn_rad = self._marker
@@ -60,8 +56,8 @@ class Cameras:
                 x2 + s * ahead_m + c * left_m + e2,
                 wrap_angle(theta + turn_rad + e3),
             )
-            frame = Frame(utime, seen, True)
-        ready_us = utime + self._latency_us + int(delay_us)
+            frame = utime, seen, True
+        ready_us = utime + delay_us
         if ready_us < self._last_ready_us:
             ready_us = self._last_ready_us
         self._last_ready_us = ready_us
@@ -87,12 +83,13 @@ class Cameras:
         return utime >= self._hidden_from_us
 
 
-def _draws(mocap: Mocap, rng: np.random.Generator) -> Iterator[list[float]]:
-    """Yield for each frame the errors of its pose, its luck in [0, 1) and its delay (whole us)."""
+def _draws(mocap: Mocap, rng: np.random.Generator) -> Iterator[Iterable[Numbers]]:
+    """Yield the random numbers of the next frames, many at once."""
     spread = np.array([mocap.position_noise_m, mocap.position_noise_m, mocap.angle_noise_rad])
-    jitter_us = mocap.latency_jitter_s * US_PER_S
+    latency_us, jitter_us = round(mocap.latency_s * US_PER_S), mocap.latency_jitter_s * US_PER_S
     while True:
         errors = spread * rng.standard_normal((FRAMES_PER_DRAW, 3))
         chances = rng.random((FRAMES_PER_DRAW, 2))
-        chances[:, 1] = np.rint(jitter_us * chances[:, 1])
-        yield from np.hstack((errors, chances)).tolist()
+        lost = chances[:, 0] < mocap.lost_frame_share
+        delays_us = latency_us + np.rint(jitter_us * chances[:, 1]).astype(np.int64)
+        yield zip(*errors.T.tolist(), lost.tolist(), delays_us.tolist(), strict=True)

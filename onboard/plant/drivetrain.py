@@ -118,20 +118,19 @@ class Drivetrain:
         torque_left, torque_right = self._torques(left, right)
         direction_left = 1.0 if left > 0.0 else -1.0 if left < 0.0 else 0.0
         direction_right = 1.0 if right > 0.0 else -1.0 if right < 0.0 else 0.0
+        both, alone = self._transitions.get(step_us) or self._transition(step_us)
+        keep_left, keep_cross, keep_right = both
         if not (direction_left and direction_right):
             direction_left, direction_right = self._released(
                 torque_left, torque_right, direction_left, direction_right
             )
             if not direction_left and not direction_right:
                 return
-        both, alone = self._transitions.get(step_us) or self._transition(step_us)
-        if direction_left and direction_right:
-            keep_left, keep_cross, keep_right = both
-        else:
-            left_alone, right_alone = alone
-            keep_left = left_alone if direction_left else 1.0
-            keep_right = right_alone if direction_right else 1.0
-            keep_cross = 0.0
+            if not (direction_left and direction_right):
+                left_alone, right_alone = alone
+                keep_left = left_alone if direction_left else 1.0
+                keep_right = right_alone if direction_right else 1.0
+                keep_cross = 0.0
         friction_left = direction_left * self._coulomb_left
         friction_right = direction_right * self._coulomb_right
         # Deviations from the speeds at which these torques would balance. A held wheel keeps all

@@ -42,12 +42,12 @@ class Hardware:
         if now_us >= self._driver.due_us:
             plant.advance(self._driver.brake())
             plant.drive(0.0, 0.0)
-        plant.advance(now_us)
+        at_us = plant.advance(now_us)
         if now_us >= self.faults.change_us:
             self.effects = self.faults.at(now_us)
             plant.drives.stall(*self.effects.motor_stalled)
             plant.drives.feed(self.effects.battery_v)
-        return now_us if plant.time_us is None else plant.time_us
+        return at_us
 
     def encoder_counts(self) -> Counts:
         """Return what both counters show."""

@@ -76,9 +76,9 @@ class PlantNode:
 
     def _send_frames(self, now_us: int) -> None:
         # Asked at every tick of either timer, since frames become ready between exposures.
-        for frame in self._cameras.ready(now_us):
+        for utime, pose, valid in self._cameras.ready(now_us):
             message = self._seen
-            message.utime = frame.utime
-            message.x1_m, message.x2_m, message.theta_rad = frame.pose
-            message.tracking_valid = frame.valid
+            message.utime = utime
+            message.x1_m, message.x2_m, message.theta_rad = pose
+            message.tracking_valid = valid
             self._port.publish(channels.MOCAP_POSE, message)

@@ -97,7 +97,7 @@ class Plant:
 
     def drive(self, left_duty: float, right_duty: float) -> None:
         """Apply motor duties (share of the battery voltage) from now on; hardware limits them."""
-        self.drives.drive(min(1.0, max(-1.0, left_duty)), min(1.0, max(-1.0, right_duty)))
+        self.drives.drive(_limited(left_duty), _limited(right_duty))
 
     def place(self, pose: Pose) -> None:
         """Place the robot by hand: at rest, within the accuracy of ``config.plant.placement``."""
@@ -110,15 +110,15 @@ class Plant:
         )
         self.drives.halt()
 
-    def advance(self, now_us: int) -> None:
-        """Integrate up to ``now_us``; a time that has passed already changes nothing."""
+    def advance(self, now_us: int) -> int:
+        """Integrate up to ``now_us`` and return where it is: what has passed changes nothing."""
         before_us = self.time_us
         if before_us is None:
             self.time_us = now_us
-            return
+            return now_us
         remaining_us = now_us - before_us
         if remaining_us <= 0:
-            return
+            return before_us
         self.time_us = now_us
         drives, largest_us = self.drives, self._largest_step_us
         while remaining_us:
@@ -128,6 +128,7 @@ class Plant:
                 step_us = kink_us
             self._step(drives, step_us)
             remaining_us -= step_us
+        return now_us
 
     def encoder_counts(self) -> tuple[int, int]:
         """Return both counters as the hardware holds them: whole counts, wrapped at 32 bit."""
@@ -143,7 +144,7 @@ class Plant:
         left, right = drives.left_rad_per_s, drives.right_rad_per_s
         drives.advance(step_us)
         new_left, new_right = drives.left_rad_per_s, drives.right_rad_per_s
-        if left == right == new_left == new_right == 0.0:
+        if not (left or right or new_left or new_right):
             return
         step_s = step_us / US_PER_S
         half_s = 0.5 * step_s
@@ -175,9 +176,13 @@ class Plant:
         self.coordinates = (
             x1 + half_s * way.real,
             x2 + half_s * way.imag,
-            theta if -pi < theta <= pi else wrap_angle(theta),
+            theta if abs(theta) < pi else wrap_angle(theta),
         )
 
     def _count(self, angle_rad: float) -> int:
         counts = math.floor(angle_rad * self._counts_per_rad)
         return wrap_counter(counts)
+
+
+def _limited(duty: float) -> float:
+    return duty if -1.0 <= duty <= 1.0 else min(1.0, max(-1.0, duty))
