@@ -19,16 +19,10 @@ class DeskTime:
     def __init__(self, port: Port, config: LabConfig) -> None:
         self._port = port
         self._sync = TimeSync(config.clock)
+        self.to_desk, self.to_board = self._sync.to_desk, self._sync.to_board
+        """Return the time (us) of the one clock at a time of the other."""
         port.subscribe(channels.TIME_PONG, self._on_pong)
         port.every(config.clock.ping_rate_hz, self._on_tick)
-
-    def to_desk(self, board_us: int) -> int:
-        """Return the desk's time (us) at a time of the board."""
-        return self._sync.to_desk(board_us)
-
-    def to_board(self, desk_us: int) -> int:
-        """Return the board's time (us) at a time of the desk."""
-        return self._sync.to_board(desk_us)
 
     def _on_tick(self, tick_us: int) -> None:
         del tick_us

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from koopman_lab.bus.clock import PPM
@@ -29,7 +30,8 @@ class Exchange(NamedTuple):
     arrived_us: int
 
 
-class _Sample(NamedTuple):
+@dataclass(slots=True)
+class _Sample:
     """Desk minus board at a time of the board, within plus and minus ``error_us``."""
 
     at_us: float

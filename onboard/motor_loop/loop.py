@@ -9,12 +9,13 @@ from koopman_lab.geometry import REST, Velocity, body_velocity, wheel_speeds
 from koopman_lab.units import US_PER_S
 from onboard.motor_loop.health import LEFT, OLDEST_US, RIGHT, Fault, Health
 from onboard.motor_loop.hold import Command, Hold, Intent, Refusal
-from onboard.motor_loop.odometry import Odometry
+from onboard.motor_loop.odometry import Odometry, Speeds
 from onboard.motor_loop.pid import WheelController
 from onboard.motor_loop.setpoint import AccelerationRamp, approach, saturate
 
 Duties = tuple[float, float]
 NO_DUTY: Duties = (0.0, 0.0)
+STANDING: Speeds = (0.0, 0.0)
 
 
 class State(IntEnum):
@@ -110,11 +111,10 @@ class MotorLoop:
             self.estop(False)
         if self.state in STOPPED:
             return NO_DUTY
-        newest = self.odometry.newest()
-        measured = (0.0, 0.0) if newest is None else (newest.left, newest.right)
+        measured = self.odometry.newest() or STANDING
         before_us, self._ticked_us = self._ticked_us, now_us
         if before_us is not None and now_us - before_us > self._longest_pause_us:
-            self._wake(measured if age_us is not None and age_us <= OLDEST_US else NO_DUTY)
+            self._wake(measured if age_us is not None and age_us <= OLDEST_US else STANDING)
         self.fault = self._health.check(now_us, self.battery_v, age_us, self._duties, measured)
         if self.fault:
             self._stand(State.FAULT)
@@ -123,7 +123,7 @@ class MotorLoop:
         self._duties = self._control(measured)
         return self._duties
 
-    def _wake(self, measured: Duties) -> None:
+    def _wake(self, measured: Speeds) -> None:
         """Go on after a pause of the loop itself, in which the motors' drivers have let go."""
         left, right = measured
         self._duties = NO_DUTY
@@ -152,14 +152,15 @@ class MotorLoop:
             else:
                 self.setpoint = approach(self.setpoint, self._target, self._limits, self._tick_s)
 
-    def _control(self, measured: Duties) -> Duties:
+    def _control(self, measured: Speeds) -> Duties:
         left_wheel, right_wheel = self._wheels
-        if self.setpoint == REST and measured == (0.0, 0.0):
+        if self.setpoint == REST and measured == STANDING:
             # Standing as wanted: without this the integral would keep pushing against friction.
             left_wheel.reset()
             right_wheel.reset()
             return NO_DUTY
-        left, right = wheel_speeds(*self.setpoint, self._wheel_radius_m, self._track_width_m)
+        v, omega = self.setpoint
+        left, right = wheel_speeds(v, omega, self._wheel_radius_m, self._track_width_m)
         return (
             left_wheel.step(left, measured[LEFT], self._tick_s),
             right_wheel.step(right, measured[RIGHT], self._tick_s),

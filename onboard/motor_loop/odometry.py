@@ -8,6 +8,9 @@ from typing import NamedTuple
 
 from koopman_lab.units import US_PER_S, wrap_counter
 
+Speeds = tuple[float, float]
+"""Of both wheels (rad/s), (left, right)."""
+
 
 class WheelSpeeds(NamedTuple):
     """Mean wheel speeds (rad/s) over a window, and the middle of that window (us)."""
@@ -71,22 +74,22 @@ class Odometry:
         shift_us = step_us - period_us
         self._samples = deque((t + shift_us, left, right) for t, left, right in self._samples)
 
-    def newest(self) -> WheelSpeeds | None:
+    def newest(self) -> Speeds | None:
         """Return the speeds between the last two samples, or None before there are two."""
-        return self._mean(-2)
+        samples = self._samples
+        return None if len(samples) < 2 else self._speeds(samples[-2], samples[-1])
 
     def mean(self) -> WheelSpeeds | None:
         """Return the speeds over the window, or None before there are two samples."""
-        return self._mean(0)
-
-    def _mean(self, first: int) -> WheelSpeeds | None:
         samples = self._samples
         if len(samples) < 2:
             return None
-        t0, left0, right0 = samples[first]
-        t1, left1, right1 = samples[-1]
-        window_s = (t1 - t0) / US_PER_S
-        scale = self._rad_per_count / window_s
-        return WheelSpeeds(
-            (t0 + t1) // 2, window_s, scale * (left1 - left0), scale * (right1 - right0)
-        )
+        first, last = samples[0], samples[-1]
+        (t0, _, _), (t1, _, _) = first, last
+        return WheelSpeeds((t0 + t1) // 2, (t1 - t0) / US_PER_S, *self._speeds(first, last))
+
+    def _speeds(self, older: tuple[int, int, int], newer: tuple[int, int, int]) -> Speeds:
+        t0, left0, right0 = older
+        t1, left1, right1 = newer
+        scale = self._rad_per_count / ((t1 - t0) / US_PER_S)
+        return scale * (left1 - left0), scale * (right1 - right0)
