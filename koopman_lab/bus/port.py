@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 import lcmtypes
-from koopman_lab.bus.channels import ABOARD, FAULT, HEARTBEATS, PLANT_RESET, Channel, M
+from koopman_lab.bus.channels import ABOARD, FAULT, HEARTBEATS, PLANT_RESET, Channel, M, Message
 from koopman_lab.bus.clock import DriftingClock
 from koopman_lab.bus.node import Node, RawHandler, Tick
 from koopman_lab.bus.radio import RadioPair, radio_pair
@@ -167,16 +167,20 @@ class BasePort(ABC):
         message.sequence = outlet.next_sequence
         outlet.next_sequence += 1
         if outlet.by_radio:
-            # Also where nobody hears it yet: the radio decides about every message.
-            self._transmit(outlet.name, message.encode())
+            self._transmit(outlet.name, message)
         elif self.is_heard(outlet.name):
             self.send(outlet.name, message.encode())
 
-    def _transmit(self, name: str, data: bytes) -> None:
+    def _transmit(self, name: str, message: Message) -> None:
         assert self._radio is not None
         now_us = self.bus_us()
         # Numbered before the radio, so that the others see what it loses.
-        for at_us in self._radio.from_robot.arrivals(now_us, self._faults.at(now_us).loss):
+        arrivals_us = self._radio.from_robot.arrivals(now_us, self._faults.at(now_us).loss)
+        # Only now, since the radio's luck hangs on every message, also on those nobody hears.
+        if not self.is_heard(name):
+            return
+        data = message.encode()
+        for at_us in arrivals_us:
             if at_us <= now_us:
                 self.send(name, data)
             else:

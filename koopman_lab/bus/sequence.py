@@ -7,7 +7,8 @@ import struct
 _HEADER = struct.Struct(">8xqq")
 """Fingerprint, then utime and sequence: the first two fields of every type of this project."""
 
-_UTIME, _UTIME_AT = struct.Struct(">Q"), 8
+_STAMP = struct.Struct(">8sQ")
+"""The same without the sequence."""
 
 SMALLEST_MESSAGE = _HEADER.size
 
@@ -29,7 +30,7 @@ def peek(data: bytes) -> tuple[int, int]:
 
 def restamp(data: bytes, utime: int) -> bytes:
     """Return an encoded message with another ``utime``; it wraps as int64 does."""
-    return data[:_UTIME_AT] + _UTIME.pack(utime % 2**64) + data[_UTIME_AT + _UTIME.size :]
+    return _STAMP.pack(data, utime % 2**64) + data[_STAMP.size :]
 
 
 class SequenceCounter:
