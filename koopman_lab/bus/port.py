@@ -159,17 +159,27 @@ class BasePort(ABC):
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message with the next sequence number of its channel."""
-        outlet = self._outlets.get(channel.suffix)
-        if outlet is None:
-            by_radio = self._radio is not None and not channel.wired
-            outlet = Outlet(channel.name(self.robot_name), by_radio)
-            self._outlets[channel.suffix] = outlet
+        outlet = self._outlets.get(channel.suffix) or self._open(channel)
         message.sequence = outlet.next_sequence
         outlet.next_sequence += 1
         if outlet.by_radio:
             self._transmit(outlet.name, message)
         elif self.is_heard(outlet.name):
             self.send(outlet.name, message.encode())
+
+    def publish_lazily(self, channel: Channel[M], make: Callable[..., M], *args: Any) -> None:
+        """Send ``make(*args)``; if nobody can hear it, only its number counts."""
+        outlet = self._outlets.get(channel.suffix) or self._open(channel)
+        if outlet.by_radio or self.is_heard(outlet.name):
+            self.publish(channel, make(*args))
+        else:
+            outlet.next_sequence += 1
+
+    def _open(self, channel: Channel[M]) -> Outlet:
+        by_radio = self._radio is not None and not channel.wired
+        outlet = Outlet(channel.name(self.robot_name), by_radio)
+        self._outlets[channel.suffix] = outlet
+        return outlet
 
     def _transmit(self, name: str, message: Message) -> None:
         assert self._radio is not None

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import lcmtypes
 from koopman_lab.bus import channels
@@ -83,6 +83,10 @@ class _MortalPort:
     def publish(self, channel: Channel[M], message: M) -> None:
         if self._owner.alive and channel.suffix not in self._owner.muted:
             self._port.publish(channel, message)
+
+    def publish_lazily(self, channel: Channel[M], make: Callable[..., M], *args: Any) -> None:
+        if self._owner.alive and channel.suffix not in self._owner.muted:
+            self._port.publish_lazily(channel, make, *args)
 
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
         self._port.subscribe(channel, lambda m: handler(m) if self._owner.alive else None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from math import cos, sin
 
@@ -20,12 +20,14 @@ FRAMES_PER_DRAW = 256
 
 Frame = tuple[int, PlainPose, bool]
 """What the tracking makes of one exposure: its time (us), the pose, and whether that is valid."""
-Numbers = tuple[float, float, float, bool, int]
+Exposure = tuple[int, PlainPose | None, Sequence[float]]
+"""Its time (us), the robot's true pose, None if the tracking finds nothing, and its errors."""
+Numbers = tuple[Sequence[float], bool, int]
 """Of one frame: the errors of its pose, whether it is lost, and its delay (us)."""
 
 
 class Cameras:
-    """Exposes true poses and hands out what they see once the processing latency has passed.
+    """Exposes true poses and hands out the exposures once the processing latency has passed.
 
     Frames keep their order: one that takes long holds back those behind it.
     """
@@ -39,39 +41,43 @@ class Cameras:
         noise, occlusions = rng.spawn(2)
         self._numbers = chain.from_iterable(_draws(mocap, noise))
         self._occlusions = occlusions
-        self._pending: deque[tuple[int, Frame]] = deque()
+        self._pending: deque[tuple[int, Exposure]] = deque()
         self._last_ready_us = 0
 
     def expose(self, utime: int, pose: PlainPose, *, hidden: bool = False) -> None:
         """Take a picture of the robot at its true pose at ``utime``; of nothing if it is hidden."""
-        e1, e2, e3, lost, delay_us = next(self._numbers)
-        if hidden or lost or (self._occlusions_per_s and self._occluded(utime)):
-            frame = utime, NOTHING, False
-        else:
-            x1, x2, theta = pose
-            ahead_m, left_m, turn_rad = self._marker
-            c, s = cos(theta), sin(theta)
-            seen = (
-                x1 + c * ahead_m - s * left_m + e1,
-                x2 + s * ahead_m + c * left_m + e2,
-                wrap_angle(theta + turn_rad + e3),
-            )
-            frame = utime, seen, True
+        errors, lost, delay_us = next(self._numbers)
+        unseen = hidden or lost or (self._occlusions_per_s and self._occluded(utime))
         ready_us = utime + delay_us
         if ready_us < self._last_ready_us:
             ready_us = self._last_ready_us
         self._last_ready_us = ready_us
-        self._pending.append((ready_us, frame))
+        self._pending.append((ready_us, (utime, None if unseen else pose, errors)))
 
-    def ready(self, now_us: int) -> Iterable[Frame]:
-        """Return the frames whose latency has passed by ``now_us``, oldest first."""
+    def ready(self, now_us: int) -> Iterable[Exposure]:
+        """Return the exposures whose latency has passed by ``now_us``, oldest first."""
         pending = self._pending
         if not pending or pending[0][0] > now_us:
             return ()
-        frames = [pending.popleft()[1]]
+        exposures = [pending.popleft()[1]]
         while pending and pending[0][0] <= now_us:
-            frames.append(pending.popleft()[1])
-        return frames
+            exposures.append(pending.popleft()[1])
+        return exposures
+
+    def see(self, exposure: Exposure) -> Frame:
+        """Return what the tracking makes of an exposure."""
+        utime, pose, (e1, e2, e3) = exposure
+        if pose is None:
+            return utime, NOTHING, False
+        x1, x2, theta = pose
+        ahead_m, left_m, turn_rad = self._marker
+        c, s = cos(theta), sin(theta)
+        seen = (
+            x1 + c * ahead_m - s * left_m + e1,
+            x2 + s * ahead_m + c * left_m + e2,
+            wrap_angle(theta + turn_rad + e3),
+        )
+        return utime, seen, True
 
     def _occluded(self, utime: int) -> bool:
         """Return whether something stands in the way; that happens at random moments."""
@@ -92,4 +98,4 @@ def _draws(mocap: Mocap, rng: np.random.Generator) -> Iterator[Iterable[Numbers]
         chances = rng.random((FRAMES_PER_DRAW, 2))
         lost = chances[:, 0] < mocap.lost_frame_share
         delays_us = latency_us + np.rint(jitter_us * chances[:, 1]).astype(np.int64)
-        yield zip(*errors.T.tolist(), lost.tolist(), delays_us.tolist(), strict=True)
+        yield zip(errors.tolist(), lost.tolist(), delays_us.tolist(), strict=True)

@@ -10,7 +10,7 @@ from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import Pose
 from koopman_lab.robot.faults import fault_of
-from onboard.plant.cameras import Cameras
+from onboard.plant.cameras import Cameras, Exposure
 from onboard.plant.hardware import Hardware
 from onboard.plant.plant import Plant
 
@@ -57,16 +57,12 @@ class PlantNode:
 
     def _on_encoder_tick(self, tick_us: int) -> None:
         utime = self._hardware.advance(tick_us)
-        encoder, truth = self._encoder, self._truth
+        encoder = self._encoder
         encoder.utime = utime
         encoder.left_count, encoder.right_count = self._hardware.encoder_counts()
         encoder.battery_v = self.plant.battery_v
         self._port.publish(channels.ENCODER, encoder)
-        truth.utime = utime
-        truth.x1_m, truth.x2_m, truth.theta_rad = self.plant.coordinates
-        truth.v_m_per_s, truth.omega_rad_per_s = self.plant.body_velocity()
-        truth.faults = self._hardware.effects.kinds
-        self._port.publish(channels.PLANT_TRUTH, truth)
+        self._port.publish_lazily(channels.PLANT_TRUTH, self._truth_at, utime)
         self._send_frames(utime)
 
     def _on_camera_tick(self, tick_us: int) -> None:
@@ -76,9 +72,19 @@ class PlantNode:
 
     def _send_frames(self, now_us: int) -> None:
         # Asked at every tick of either timer, since frames become ready between exposures.
-        for utime, pose, valid in self._cameras.ready(now_us):
-            message = self._seen
-            message.utime = utime
-            message.x1_m, message.x2_m, message.theta_rad = pose
-            message.tracking_valid = valid
-            self._port.publish(channels.MOCAP_POSE, message)
+        for exposure in self._cameras.ready(now_us):
+            self._port.publish_lazily(channels.MOCAP_POSE, self._pose_in, exposure)
+
+    def _truth_at(self, utime: int) -> lcmtypes.plant_truth_t:
+        truth = self._truth
+        truth.utime = utime
+        truth.x1_m, truth.x2_m, truth.theta_rad = self.plant.coordinates
+        truth.v_m_per_s, truth.omega_rad_per_s = self.plant.body_velocity()
+        truth.faults = self._hardware.effects.kinds
+        return truth
+
+    def _pose_in(self, exposure: Exposure) -> lcmtypes.mocap_pose_t:
+        seen = self._seen
+        seen.utime, pose, seen.tracking_valid = self._cameras.see(exposure)
+        seen.x1_m, seen.x2_m, seen.theta_rad = pose
+        return seen

@@ -3,6 +3,7 @@ import pytest
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.lockstep import Lockstep
+from koopman_lab.bus.sequence import peek
 from koopman_lab.config.load import load_config
 
 CONFIG = load_config(preset="ideal")
@@ -76,6 +77,68 @@ def test_until_and_injected_messages():
     assert lockstep.run(10.0, until=lambda: lockstep.now_us >= 3_000_000)
     assert len(hearer.heard) == 1
     assert lockstep.now_us == pytest.approx(3_000_000, abs=20_000)
+
+
+class Aboard:
+    """Speaks by wire, lazily, and by radio."""
+
+    name = "onboard"
+
+    def __init__(self):
+        self.made = []
+
+    def attach(self, port):
+        self.port = port
+        port.every(100.0, self.tick)
+
+    def tick(self, _):
+        self.port.publish_lazily(channels.MOTOR_CMD, self.make)
+        self.port.publish(channels.ONBOARD_STATUS, self.stamped(lcmtypes.onboard_status_t()))
+
+    def make(self):
+        self.made.append(self.port.now_us())
+        return self.stamped(lcmtypes.motor_command_t())
+
+    def stamped(self, message):
+        message.utime = self.port.now_us()
+        return message
+
+    def close(self):
+        pass
+
+
+class Listener:
+    name = "logger"
+
+    def __init__(self):
+        self.heard = []
+
+    def attach(self, port):
+        self.port = port
+        for channel in (channels.MOTOR_CMD, channels.ONBOARD_STATUS):
+            port.subscribe_raw(channel, lambda *heard: self.heard.append(heard))
+
+    def close(self):
+        pass
+
+
+def listen(config, joined_s):
+    lockstep, speaker, listener = Lockstep(config), Aboard(), Listener()
+    lockstep.add(speaker)
+    lockstep.run(joined_s)
+    lockstep.add(listener)
+    lockstep.run(1.0 - joined_s)
+    return speaker.made, listener
+
+
+def test_who_joins_later_hears_from_then_on_what_others_would_have_heard():
+    bad = ["radio.from_robot.loss=0.3", "clock.offset_s=0", "clock.drift_ppm=0"]
+    config = load_config(preset="lab", overrides=bad)
+    (made, first), (made_late, late) = (listen(config, joined_s) for joined_s in (0.0, 0.195))
+    assert made == list(range(10_000, 1_000_001, 10_000))
+    assert made_late == list(range(200_000, 1_000_001, 10_000))
+    assert late.heard == [message for message in first.heard if peek(message[1])[0] > 195_000]
+    assert 0 < late.port.lost_messages()["R1_ONBOARD_STATUS"] < 40
 
 
 def test_numbers_run_on_while_nobody_listens_and_a_later_listener_hears_the_next():
