@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
-from functools import partial
 from itertools import count
 from typing import Any
 
 from koopman_lab.bus.channels import Channel, M
 from koopman_lab.bus.node import Node
-from koopman_lab.bus.port import BasePort
+from koopman_lab.bus.port import BasePort, Taker
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 
@@ -52,11 +51,11 @@ class LockstepPort(BasePort):
         if listeners is not None:
             now_us, push = runner.now_us, runner.push
             for order, receive in listeners:
-                push(now_us, order, partial(receive, data))
+                push(now_us, order, receive, data)
 
-    def later(self, at_us: int, action: Callable[[int], None]) -> None:
-        """Call ``action`` at ``at_us`` among this node's messages."""
-        self._runner.push(at_us, self._order, action)
+    def later(self, at_us: int, take: Taker, data: bytes) -> None:
+        """Hand over a message at ``at_us`` among this node's others."""
+        self._runner.push(at_us, self._order, take, data)
 
 
 class Lockstep:
@@ -83,10 +82,10 @@ class Lockstep:
         self._config = config
         self._nodes: list[Node] = []
         self._ports: list[LockstepPort] = []
-        self.routes: dict[str, list[tuple[int, Callable[[bytes, int], None]]]] = {}
+        self.routes: dict[str, list[tuple[int, Taker]]] = {}
         """By channel name: the order of each node that listens, and what hands it a message."""
         # Apart, because most messages come at once, past all the timers that wait.
-        self._messages: list[tuple[int, int, int, Any]] = []
+        self._messages: list[tuple[int, int, int, Any, bytes]] = []
         self._timers: list[tuple[int, int, int, Any]] = []
         self._sequence = count()
         self._injector: LockstepPort | None = None
@@ -113,9 +112,10 @@ class Lockstep:
         """Send bytes as if somebody outside the nodes had sent them now."""
         self._outsider().send(name, data)
 
-    def push(self, at_us: int, order: int, action: Callable[[int], None]) -> None:
-        """Call ``action`` with the time at ``at_us``, among the messages of one node."""
-        heapq.heappush(self._messages, (at_us, 2 * order + MESSAGE, next(self._sequence), action))
+    def push(self, at_us: int, order: int, take: Taker, data: bytes) -> None:
+        """Hand a message over at ``at_us``, among the others of one node."""
+        item = (at_us, 2 * order + MESSAGE, next(self._sequence), take, data)
+        heapq.heappush(self._messages, item)
 
     def run(
         self,
@@ -145,7 +145,7 @@ class Lockstep:
         # Every node has a timer, its heartbeat; so there is one as soon as there is a node.
         while timers:
             by_message = messages and messages[0] < timers[0]
-            time_us, rank, _, what = messages[0] if by_message else timers[0]
+            time_us = messages[0][0] if by_message else timers[0][0]
             if time_us > self.now_us:
                 if time_us > end_us:
                     break
@@ -153,11 +153,12 @@ class Lockstep:
                     return True
                 self.now_us = time_us
             if by_message:
-                pop(messages)
-                what(time_us)
+                _, _, _, take, data = pop(messages)
+                take(data, time_us)
             else:
-                what.fire_in_time()
-                replace(timers, (what.deadline_us, rank, next(sequence), what))
+                _, rank, _, timer = timers[0]
+                timer.fire_in_time()
+                replace(timers, (timer.deadline_us, rank, next(sequence), timer))
             if time_us >= next_report_us:
                 next_report_us += US_PER_S
                 if on_progress is not None:

@@ -19,6 +19,9 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.robot.faults import Faults, fault_of
 from koopman_lab.units import US_PER_S
 
+Taker = Callable[[bytes, int], None]
+"""Called with the bytes of a message and the time in us."""
+
 
 class Timer:
     """Absolute deadlines at ``start_us + k / rate_hz``; keeps count of ticks run and skipped."""
@@ -149,8 +152,8 @@ class BasePort(ABC):
         return True
 
     @abstractmethod
-    def later(self, at_us: int, action: Callable[[int], None]) -> None:
-        """Call ``action`` with the time at ``at_us`` or, in real time, as soon after as it can."""
+    def later(self, at_us: int, take: Taker, data: bytes) -> None:
+        """Hand over a message at ``at_us`` or, in real time, as soon after as it can."""
 
     def attach(self, node: Node) -> None:
         """Let the node register itself, then add its heartbeat."""
@@ -194,7 +197,7 @@ class BasePort(ABC):
             if at_us <= now_us:
                 self.send(name, data)
             else:
-                self.later(at_us, lambda _: self.send(name, data))
+                self.later(at_us, lambda data, _: self.send(name, data), data)
 
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
         """Call ``handler`` with every message of a channel that can be decoded.
@@ -244,13 +247,14 @@ class BasePort(ABC):
         """Take a message off the bus at ``arrived_us`` of the bus."""
         self.receiver(name)(data, arrived_us)
 
-    def receiver(self, name: str) -> Callable[[bytes, int], None]:
-        """Return what takes a channel's messages off the bus, given the bytes and the time (us).
+    def receiver(self, name: str) -> Taker:
+        """Return what takes a channel's messages off the bus.
 
         The radio may bring one to the node later, twice, or never.
         """
         inlet = self.inlets[name]
-        return partial(self._receive_by_radio if inlet.by_radio else self._receive, inlet)
+        receive = self._receive_by_radio if inlet.by_radio else self._receive
+        return lambda data, at_us: receive(inlet, data, at_us)
 
     def _receive_by_radio(self, inlet: Inlet, data: bytes, sent_us: int) -> None:
         assert self._radio is not None
@@ -258,7 +262,7 @@ class BasePort(ABC):
             if at_us <= sent_us:
                 self._receive(inlet, data, at_us)
             else:
-                self.later(at_us, partial(self._receive, inlet, data))
+                self.later(at_us, partial(self._receive, inlet), data)
 
     def _receive(self, inlet: Inlet, data: bytes, arrived_us: int) -> None:
         """Hand a message to the handlers of its channel."""

@@ -20,7 +20,7 @@ import lcm
 from koopman_lab.bus.channels import Channel, M
 from koopman_lab.bus.node import Node, RawHandler
 from koopman_lab.bus.pacing import TickTimes
-from koopman_lab.bus.port import BasePort
+from koopman_lab.bus.port import BasePort, Taker
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import BusError
 from koopman_lab.units import US_PER_S
@@ -93,7 +93,7 @@ class RealtimePort(BasePort):
     def __init__(self, node_name: str, config: LabConfig, bus: lcm.LCM) -> None:
         self._bus_clock = Clock()
         super().__init__(node_name, config, os.getpid(), self.bus_us())
-        self._pending: list[tuple[int, int, Callable[[int], None]]] = []
+        self._pending: list[tuple[int, int, Taker, bytes]] = []
         self._pushed = count()
         self.bus = bus
 
@@ -105,9 +105,9 @@ class RealtimePort(BasePort):
         """Publish."""
         self.bus.publish(name, data)
 
-    def later(self, at_us: int, action: Callable[[int], None]) -> None:
-        """Call ``action`` when the loop next finds it due."""
-        heapq.heappush(self._pending, (at_us, next(self._pushed), action))
+    def later(self, at_us: int, take: Taker, data: bytes) -> None:
+        """Hand over a message when the loop next finds it due."""
+        heapq.heappush(self._pending, (at_us, next(self._pushed), take, data))
 
     def next_us(self) -> int | None:
         """Return when something is next due; None if nothing ever is."""
@@ -117,9 +117,10 @@ class RealtimePort(BasePort):
         return min(due, default=None)
 
     def run_pending(self) -> None:
-        """Run the actions that are due, oldest first."""
+        """Hand over the messages that are due, oldest first."""
         while self._pending and self._pending[0][0] <= (now_us := self.bus_us()):
-            heapq.heappop(self._pending)[2](now_us)
+            _, _, take, data = heapq.heappop(self._pending)
+            take(data, now_us)
 
     def listen(self) -> None:
         """Subscribe at LCM to every channel that has a handler; call once, after attaching."""

@@ -9,13 +9,13 @@ real time nobody writes down when a tick was run, so there the outputs agree onl
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 from koopman_lab.bus.channels import CHANNELS, DRIVERS, Channel, Owner
 from koopman_lab.bus.life import Life
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node, Port
+from koopman_lab.bus.port import Taker
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.eventlog import Event
 from koopman_lab.units import US_PER_S
@@ -128,7 +128,7 @@ def rerun(
             if PLACES[place] == "operator" and at_us != before_us:
                 # Whoever is no node speaks between two times: before all others if first.
                 place = 0
-            lab.push(at_us, place, _sender(lab, name, event.data))
+            lab.push(at_us, place, _sender(lab, name), event.data)
         before_us = at_us
     end_us = max(event.timestamp_us for event in events)
     try:
@@ -139,6 +139,5 @@ def rerun(
     return Rerun(recorded, collector.heard, end_us)
 
 
-def _sender(lab: Lockstep, name: str, data: bytes) -> Callable[[int], None]:
-    send = partial(lab.send, name, data)
-    return lambda _: send()
+def _sender(lab: Lockstep, name: str) -> Taker:
+    return lambda data, _: lab.send(name, data)

@@ -21,11 +21,6 @@ class WheelSpeeds(NamedTuple):
     right: float
 
 
-def count_difference(newer: int, older: int) -> int:
-    """Return ``newer - older`` of 32-bit counters that may have wrapped in between."""
-    return wrap_counter(newer - older)
-
-
 class Odometry:
     """Unwraps both counters and averages speeds over the newest samples.
 
@@ -59,8 +54,9 @@ class Odometry:
         elif utime <= last_utime:
             return
         left_before, right_before = self._raw
-        left += count_difference(left_count, left_before)
-        right += count_difference(right_count, right_before)
+        # The difference of counters that may have wrapped in between wraps, too.
+        left += wrap_counter(left_count - left_before)
+        right += wrap_counter(right_count - right_before)
         self._raw = (left_count, right_count)
         samples, oldest_us = self._samples, utime - self._window_us
         samples.append((utime, left, right))

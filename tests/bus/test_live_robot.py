@@ -1,6 +1,5 @@
 """A replayed log never moves a robot that is alive, whatever plays it."""
 
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -54,8 +53,8 @@ def test_a_session_replayed_onto_a_live_robot_does_not_move_it(offset_s, speed):
     commands = 0
     for event in read_events(LOG):
         commands += event.channel == channels.VELOCITY_CMD.name("R1")
-        send = partial(lab.send, event.channel, event.data)
-        lab.push(begin_us + event.timestamp_us // speed, 4, lambda _, send=send: send())
+        at_us, name = begin_us + event.timestamp_us // speed, event.channel
+        lab.push(at_us, 4, lambda data, _, name=name: lab.send(name, data), event.data)
     assert commands > 100
     for _ in range(120 // speed):
         lab.run(0.1)
