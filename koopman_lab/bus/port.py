@@ -31,15 +31,19 @@ class Timer:
         self.tick = tick
         self.deadline_us = 0
         """Nominal time of the next tick."""
-        self.run = 0
-        self.missed = 0
         self._period_us = US_PER_S / rate_hz
         self.start(0)
 
     def start(self, at_us: int) -> None:
-        """Start again with a first tick at ``at_us``."""
+        """Start again, and count again, with a first tick at ``at_us``."""
         self._start_us = self.deadline_us = at_us
         self._index = 0
+        self.missed = 0
+
+    @property
+    def run(self) -> int:
+        """Return how many ticks have been run."""
+        return self._index - self.missed
 
     def fire(self, now_us: int) -> int:
         """Run the newest tick that is due and return how late it was (us).
@@ -60,7 +64,6 @@ class Timer:
     def fire_in_time(self) -> None:
         """Run the next tick, where none can be late."""
         self.tick(self.deadline_us)
-        self.run += 1
         self._index = index = self._index + 1
         self.deadline_us = self._start_us + round(index * self._period_us)
 
