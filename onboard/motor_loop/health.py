@@ -24,6 +24,7 @@ class Fault(IntEnum):
 
 
 FAULTS = len(Fault)
+NO_FAULT = Fault.NO_FAULT
 
 
 class Health:
@@ -84,7 +85,7 @@ class Health:
         if not (silent or low or left_idle or right_idle):
             self._good_since_us = [now_us] * FAULTS
             self._efforts_us = [0.0, 0.0]
-            return Fault.NO_FAULT
+            return NO_FAULT
         # A clock that is set makes no time pass.
         passed_us = 0 if before_us is None else min(OLDEST_US, max(0, now_us - before_us))
         findings = (
@@ -100,7 +101,7 @@ class Health:
                 since_us = self._good_since_us[fault] = now_us
             if bad and now_us - since_us >= patience_us:
                 return fault
-        return Fault.NO_FAULT
+        return NO_FAULT
 
     def _strained(self, wheel: int, idle: bool, duties: Sequence[float], passed_us: int) -> bool:
         """Add up a wheel's duty over the time in which it should turn and does not."""

@@ -7,7 +7,7 @@ from enum import IntEnum
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import REST, Velocity, body_velocity, wheel_speeds
 from koopman_lab.units import US_PER_S
-from onboard.motor_loop.health import LEFT, OLDEST_US, RIGHT, Fault, Health
+from onboard.motor_loop.health import LEFT, NO_FAULT, OLDEST_US, RIGHT, Fault, Health
 from onboard.motor_loop.hold import Command, Hold, Intent, Refusal
 from onboard.motor_loop.odometry import Odometry, Speeds
 from onboard.motor_loop.pid import WheelController
@@ -29,6 +29,8 @@ class State(IntEnum):
 
 
 STOPPED = (State.ESTOP, State.FAULT)
+# By name, since an enumeration looks each of its members up anew.
+DRIVING, WATCHDOG = State.DRIVING, State.WATCHDOG
 
 
 class MotorLoop:
@@ -45,7 +47,7 @@ class MotorLoop:
     def __init__(self, config: LabConfig) -> None:
         loop = config.motor_loop
         self.state = State.REST
-        self.fault = Fault.NO_FAULT
+        self.fault = NO_FAULT
         self.setpoint = REST
         self.hold = Hold(config)
         self.battery_v: float | None = None
@@ -73,8 +75,8 @@ class MotorLoop:
         refusal = self.hold.consider(command, now_us, ready=stands)
         if refusal is not None:
             return refusal
-        if self.state is not State.DRIVING:
-            self.state = State.DRIVING
+        if self.state is not DRIVING:
+            self.state = DRIVING
             self._ramp.reset(REST)
         self._releasing = command.intent is Intent.RELEASE
         if self._releasing:
@@ -95,7 +97,7 @@ class MotorLoop:
             self._stand(State.ESTOP)
         elif self.state in STOPPED:
             self._stand(State.REST)
-            self.fault = Fault.NO_FAULT
+            self.fault = NO_FAULT
             self._health.reset()
 
     def encoder(self, utime: int, left_count: int, right_count: int, battery_v: float) -> None:
@@ -130,19 +132,19 @@ class MotorLoop:
         self._health.reset()
         for wheel in self._wheels:
             wheel.reset()
-        if self.setpoint != REST or self.state is State.DRIVING:
+        if self.setpoint != REST or self.state is DRIVING:
             found = Velocity(*body_velocity(left, right, self._wheel_radius_m, self._track_width_m))
             self.setpoint = saturate(found, self._limits)
             self.hold.lose()
             self._releasing = False
-            self.state = State.WATCHDOG
+            self.state = WATCHDOG
 
     def _move_setpoint(self, now_us: int) -> None:
-        driving = self.state is State.DRIVING
+        driving = self.state is DRIVING
         if driving and self.hold.is_silent(now_us):
             self.hold.lose()
-            self.state, driving = State.WATCHDOG, False
-        if self._releasing or self.state is State.WATCHDOG:
+            self.state, driving = WATCHDOG, False
+        if self._releasing or self.state is WATCHDOG:
             self.setpoint = approach(self.setpoint, REST, self._limits, self._tick_s)
             if self._releasing and self.setpoint == REST:
                 self._stand(State.REST)

@@ -29,11 +29,6 @@ class Battery:
         self.held_v: float | None = None
         """Voltage at which a fault holds the terminals whatever the load, None without."""
 
-    @property
-    def open_circuit_v(self) -> float:
-        """Return the voltage without any load."""
-        return self._empty_v + self.state_of_charge * self._span_v
-
     def terminal(self, left_share: float, right_share: float) -> tuple[float, float, float]:
         """Return ``(base_v, left, right)``: the voltage is ``base_v + left * e_l + right * e_r``.
 
@@ -45,7 +40,8 @@ class Battery:
             return self.held_v, 0.0, 0.0
         ratio = self._resistance_ratio
         scale = 1.0 / (1.0 + ratio * (left_share * left_share + right_share * right_share))
-        base_v = scale * (self.open_circuit_v - self._board_drop_v)
+        open_circuit_v = self._empty_v + self.state_of_charge * self._span_v
+        base_v = scale * (open_circuit_v - self._board_drop_v)
         return base_v, scale * ratio * left_share, scale * ratio * right_share
 
     def take(self, motor_charge_as: float, seconds: float) -> None:
