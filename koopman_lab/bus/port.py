@@ -11,7 +11,7 @@ from typing import Any
 import lcmtypes
 from koopman_lab.bus.channels import ABOARD, FAULT, HEARTBEATS, PLANT_RESET, Channel, M, Message
 from koopman_lab.bus.clock import DriftingClock
-from koopman_lab.bus.node import Node, RawHandler, Tick
+from koopman_lab.bus.node import A, Node, RawHandler, Tick
 from koopman_lab.bus.radio import RadioPair, radio_pair
 from koopman_lab.bus.sequence import SMALLEST_MESSAGE, SequenceCounter, peek, restamp
 from koopman_lab.bus.wire import Wire, from_log
@@ -173,13 +173,15 @@ class BasePort(ABC):
         elif self.is_heard(outlet.name):
             self.send(outlet.name, message.encode())
 
-    def publish_lazily(self, channel: Channel[M], make: Callable[..., M], *args: Any) -> None:
-        """Send ``make(*args)``; if nobody can hear it, only its number counts."""
+    def publish_lazily(self, channel: Channel[M], make: Callable[[A], M], about: A) -> None:
+        """Send ``make(about)``; where nobody can hear it, only its number and its luck count."""
         outlet = self._outlets.get(channel.suffix) or self._open(channel)
-        if outlet.by_radio or self.is_heard(outlet.name):
-            self.publish(channel, make(*args))
-        else:
-            outlet.next_sequence += 1
+        if self.is_heard(outlet.name):
+            self.publish(channel, make(about))
+            return
+        outlet.next_sequence += 1
+        if outlet.by_radio:
+            self._arrivals_us()
 
     def _open(self, channel: Channel[M]) -> Outlet:
         by_radio = self._radio is not None and not channel.wired
@@ -187,17 +189,20 @@ class BasePort(ABC):
         self._outlets[channel.suffix] = outlet
         return outlet
 
-    def _transmit(self, name: str, message: Message) -> None:
+    def _arrivals_us(self) -> tuple[int, ...]:
+        """Let the radio decide about a message, numbered before so that others see the loss."""
         assert self._radio is not None
         now_us = self.bus_us()
-        # Numbered before the radio, so that the others see what it loses.
-        arrivals_us = self._radio.from_robot.arrivals(now_us, self._faults.at(now_us).loss)
-        # Only now, since the radio's luck hangs on every message, also on those nobody hears.
+        return self._radio.from_robot.arrivals(now_us, self._faults.at(now_us).loss)
+
+    def _transmit(self, name: str, message: Message) -> None:
+        # The radio's luck hangs on every message, also on those that nobody hears.
+        arrivals_us = self._arrivals_us()
         if not self.is_heard(name):
             return
         data = message.encode()
         for at_us in arrivals_us:
-            if at_us <= now_us:
+            if at_us <= self.bus_us():
                 self.send(name, data)
             else:
                 self.later(at_us, lambda data, _: self.send(name, data), data)

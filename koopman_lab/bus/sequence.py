@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 
 _HEADER = struct.Struct(">8xqq")
 """Fingerprint, then utime and sequence: the first two fields of every type of this project."""
@@ -16,16 +17,9 @@ LATEST = 64
 """A message that so many have overtaken counts as lost."""
 
 
-def peek(data: bytes) -> tuple[int, int]:
-    """Return ``(utime, sequence)`` of an encoded message without decoding the rest.
-
-    Raises
-    ------
-    struct.error
-        If ``data`` is shorter than the two fields.
-    """
-    header: tuple[int, int] = _HEADER.unpack_from(data)
-    return header
+peek: Callable[[bytes], tuple[int, int]] = _HEADER.unpack_from
+"""Returns ``(utime, sequence)`` of an encoded message without decoding the rest; raises
+struct.error if the bytes are fewer than the two fields."""
 
 
 def restamp(data: bytes, utime: int) -> bytes:

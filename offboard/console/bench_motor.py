@@ -46,7 +46,7 @@ def respond(
     for tick in range(round(seconds * rate_hz)):
         now_us = round(tick * US_PER_S / rate_hz)
         plant.advance(now_us)
-        loop.encoder(now_us, *plant.encoder_counts(), plant.drives.battery_v)
+        loop.encoder(now_us, *plant.encoder_counts(), plant.drives.battery_v())
         if tick % every == 0:
             loop.command(Command(now_us, tick, OPERATOR, Intent.BEGIN, *u), now_us)
         if weaker_at_s is not None and tick >= weaker_at_s * rate_hz:

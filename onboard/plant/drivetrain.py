@@ -73,7 +73,6 @@ class Drivetrain:
         self._share_left = self._share_right = 0.0
         self._base_v, self._droop_left, self._droop_right = self._battery.terminal(0.0, 0.0)
 
-    @property
     def battery_v(self) -> float:
         """Return the voltage at the terminals under the present load."""
         return (
@@ -209,7 +208,7 @@ class Drivetrain:
     def _take_charge(self) -> None:
         """Count what the present duties have taken, by the current at their end."""
         seconds, self._held_us = self._held_us / US_PER_S, 0
-        voltage, left, right = self.battery_v, self._share_left, self._share_right
+        voltage, left, right = self.battery_v(), self._share_left, self._share_right
         current = (
             left * (left * voltage - self._back_emf * self.left_rad_per_s)
             + right * (right * voltage - self._back_emf * self.right_rad_per_s)

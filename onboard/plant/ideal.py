@@ -23,7 +23,7 @@ class IdealDrives:
         self._battery_v = battery.empty_v + battery.state_of_charge * (
             battery.full_v - battery.empty_v
         )
-        self.battery_v = self._battery_v
+        self._held_v: float | None = None
         self._full_speed = config.motor_loop.pid.feed_forward_full_duty_rad_per_s
         self._gain = config.plant.motor.gain
         self._gain_left, self._gain_right = self._gain
@@ -39,6 +39,10 @@ class IdealDrives:
             self.until_kink_us = self._tick_us
         else:
             self.left_rad_per_s, self.right_rad_per_s = self._targets
+
+    def battery_v(self) -> float:
+        """Return the voltage at the terminals."""
+        return self._battery_v if self._held_v is None else self._held_v
 
     def halt(self) -> None:
         """Stop both wheels at once, as a hand does that lifts the robot."""
@@ -56,7 +60,7 @@ class IdealDrives:
 
     def feed(self, battery_v: float | None) -> None:
         """Show this voltage, or the battery's own; the ideal drives do not feel it."""
-        self.battery_v = self._battery_v if battery_v is None else battery_v
+        self._held_v = battery_v
 
     def advance(self, step_us: int) -> None:
         """Go on by a step that crosses no kink."""

@@ -60,7 +60,7 @@ class PlantNode:
         encoder = self._encoder
         encoder.utime = utime
         encoder.left_count, encoder.right_count = self._hardware.encoder_counts()
-        encoder.battery_v = self.plant.battery_v
+        encoder.battery_v = self.plant.battery_v()
         self._port.publish(channels.ENCODER, encoder)
         self._port.publish_lazily(channels.PLANT_TRUTH, self._truth_at, utime)
         self._send_frames(utime)

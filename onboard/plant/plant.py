@@ -29,7 +29,6 @@ class Drives(Protocol):
     until_kink_us: int | None
     """Time until the speeds' course has a corner that a step must not cross."""
 
-    @property
     def battery_v(self) -> float:
         """Return the voltage at the terminals."""
 
@@ -90,10 +89,9 @@ class Plant:
         """Return the true pose with named parts."""
         return Pose(*self.coordinates)
 
-    @property
     def battery_v(self) -> float:
         """Return the voltage at the battery's terminals."""
-        return self.drives.battery_v
+        return self.drives.battery_v()
 
     def drive(self, left_duty: float, right_duty: float) -> None:
         """Apply motor duties (share of the battery voltage) from now on; hardware limits them."""

@@ -102,7 +102,7 @@ def test_a_hand_or_a_fault_from_a_log_does_nothing_to_the_robot_of_today():
     for age_s in (3600.0, 6.0, -6.0):
         say(age_s)
         assert plant.plant.pose == where
-        assert plant.plant.battery_v > 7.0
+        assert plant.plant.battery_v() > 7.0
     say(0.0)
     assert plant.plant.pose.x1 > 0.9
-    assert plant.plant.battery_v < 6.5
+    assert plant.plant.battery_v() < 6.5

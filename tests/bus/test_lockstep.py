@@ -92,11 +92,11 @@ class Aboard:
         port.every(100.0, self.tick)
 
     def tick(self, _):
-        self.port.publish_lazily(channels.MOTOR_CMD, self.make)
+        self.port.publish_lazily(channels.MOTOR_CMD, self.make, self.port.now_us())
         self.port.publish(channels.ONBOARD_STATUS, self.stamped(lcmtypes.onboard_status_t()))
 
-    def make(self):
-        self.made.append(self.port.now_us())
+    def make(self, now_us):
+        self.made.append(now_us)
         return self.stamped(lcmtypes.motor_command_t())
 
     def stamped(self, message):

@@ -106,7 +106,7 @@ def test_without_friction_and_droop_it_is_the_exact_lag_of_a_motor(step_us):
     damping = k**2 / motor.resistance_ohm + motor.viscous_friction_n_m_s_per_rad
     turning = body.wheel_inertia_kg_m2 + motor.gear_ratio**2 * motor.rotor_inertia_kg_m2
     drivetrain = Drivetrain(config)
-    final = 0.5 * drivetrain.battery_v * k / motor.resistance_ohm / damping
+    final = 0.5 * drivetrain.battery_v() * k / motor.resistance_ohm / damping
     track = config.robot.track_width_m
     for duties, mass in (
         ((0.5, 0.5), turning + 0.5 * r**2 * body.mass_kg),
@@ -132,7 +132,7 @@ def test_friction_holds_a_wheel_at_rest_and_stops_a_moving_one():
     motor = config.plant.motor
     k = motor.torque_constant_n_m_per_a * motor.gear_ratio
     drivetrain = Drivetrain(config)
-    per_duty = k / motor.resistance_ohm * drivetrain.battery_v
+    per_duty = k / motor.resistance_ohm * drivetrain.battery_v()
     held = [
         0.98 * limit / (per_duty * gain)
         for limit, gain in zip(motor.breakaway_friction_n_m, motor.gain, strict=True)
@@ -177,13 +177,13 @@ def test_the_battery_droops_under_load_and_runs_down():
     config = load_config()
     battery = config.plant.battery
     drivetrain = Drivetrain(config)
-    idle_v = drivetrain.battery_v
+    idle_v = drivetrain.battery_v()
     open_v = battery.empty_v + battery.state_of_charge * (battery.full_v - battery.empty_v)
     assert idle_v == pytest.approx(open_v - battery.resistance_ohm * battery.board_current_a)
     drivetrain.drive(1.0, 1.0)
     stalled_a = sum(g**2 for g in config.plant.motor.gain) / config.plant.motor.resistance_ohm
-    drop = battery.resistance_ohm * stalled_a * drivetrain.battery_v
-    assert drivetrain.battery_v == pytest.approx(idle_v - drop, rel=1e-9)
+    drop = battery.resistance_ohm * stalled_a * drivetrain.battery_v()
+    assert drivetrain.battery_v() == pytest.approx(idle_v - drop, rel=1e-9)
     turn(drivetrain, (0.0, 0.0), 36.0)
     drivetrain.drive(0.0, 0.0)
     used_ah = battery.board_current_a * 0.01

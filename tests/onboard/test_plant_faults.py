@@ -54,11 +54,11 @@ def test_a_stalled_motor_stands_while_it_lasts_and_the_other_turns(preset, wheel
 def test_a_low_battery_shows_its_voltage_whatever_the_load(preset):
     bench = Bench(preset, "{kind: battery_low, at_s: 0.3, duration_s: 0.3, battery_v: 5.5}")
     bench.drive(0.25)
-    healthy_v = bench.plant.battery_v
+    healthy_v = bench.plant.battery_v()
     bench.drive(0.15)
-    assert bench.plant.battery_v == 5.5
+    assert bench.plant.battery_v() == 5.5
     bench.drive(0.3)
-    assert bench.plant.battery_v == pytest.approx(healthy_v, abs=0.3)
+    assert bench.plant.battery_v() == pytest.approx(healthy_v, abs=0.3)
     assert healthy_v > 6.5
 
 
