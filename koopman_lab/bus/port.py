@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from functools import partial
 from typing import Any
 
@@ -103,10 +103,20 @@ class Inlet:
         """Called with the decoded message, after the raw ones."""
 
 
+class Anything:
+    """Contains whatever is asked for."""
+
+    def __contains__(self, _: object) -> bool:
+        """Return True."""
+        return True
+
+
 class BasePort(ABC):
     """The part of :class:`koopman_lab.bus.node.Port` that does not depend on the runner."""
 
     virtual: bool
+    audience: Container[str] = Anything()
+    """The channels on the bus that somebody may listen to."""
 
     def __init__(self, node_name: str, config: LabConfig, process: int, start_us: int) -> None:
         self.robot_name = config.robot.name
@@ -149,11 +159,6 @@ class BasePort(ABC):
     def send(self, name: str, data: bytes) -> None:
         """Put an encoded message on the bus."""
 
-    def is_heard(self, name: str) -> bool:
-        """Return whether anybody may listen to a channel of the bus."""
-        del name
-        return True
-
     @abstractmethod
     def later(self, at_us: int, take: Taker, data: bytes) -> None:
         """Hand over a message at ``at_us`` or, in real time, as soon after as it can."""
@@ -170,13 +175,13 @@ class BasePort(ABC):
         outlet.next_sequence += 1
         if outlet.by_radio:
             self._transmit(outlet.name, message)
-        elif self.is_heard(outlet.name):
+        elif outlet.name in self.audience:
             self.send(outlet.name, message.encode())
 
     def publish_lazily(self, channel: Channel[M], make: Callable[[A], M], about: A) -> None:
         """Send ``make(about)``; where nobody can hear it, only its number and its luck count."""
         outlet = self._outlets.get(channel.suffix) or self._open(channel)
-        if self.is_heard(outlet.name):
+        if outlet.name in self.audience:
             self.publish(channel, make(about))
             return
         outlet.next_sequence += 1
@@ -198,7 +203,7 @@ class BasePort(ABC):
     def _transmit(self, name: str, message: Message) -> None:
         # The radio's luck hangs on every message, also on those that nobody hears.
         arrivals_us = self._arrivals_us()
-        if not self.is_heard(name):
+        if name not in self.audience:
             return
         data = message.encode()
         for at_us in arrivals_us:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from cmath import rect
-from math import pi
+from math import floor, pi
 from typing import Protocol
 
 import numpy as np
@@ -130,7 +130,11 @@ class Plant:
 
     def encoder_counts(self) -> tuple[int, int]:
         """Return both counters as the hardware holds them: whole counts, wrapped at 32 bit."""
-        return self._count(self._left_rad), self._count(self._right_rad)
+        per_rad = self._counts_per_rad
+        return (
+            wrap_counter(floor(per_rad * self._left_rad)),
+            wrap_counter(floor(per_rad * self._right_rad)),
+        )
 
     def body_velocity(self) -> tuple[float, float]:
         """Return the true ``(v, omega)`` in m/s and rad/s; v is along the robot."""
@@ -176,10 +180,6 @@ class Plant:
             x2 + half_s * way.imag,
             theta if abs(theta) < pi else wrap_angle(theta),
         )
-
-    def _count(self, angle_rad: float) -> int:
-        counts = math.floor(angle_rad * self._counts_per_rad)
-        return wrap_counter(counts)
 
 
 def _limited(duty: float) -> float:
