@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import struct
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Container
 from functools import partial
-from typing import Any
 
 import lcmtypes
 from koopman_lab.bus.channels import ABOARD, FAULT, HEARTBEATS, PLANT_RESET, Channel, M, Message
 from koopman_lab.bus.clock import DriftingClock
+from koopman_lab.bus.inlet import Inlet
 from koopman_lab.bus.node import A, Node, RawHandler, Tick
 from koopman_lab.bus.radio import RadioPair, radio_pair
-from koopman_lab.bus.sequence import SMALLEST_MESSAGE, SequenceCounter, peek, restamp
-from koopman_lab.bus.wire import Wire, from_log
+from koopman_lab.bus.wire import Wire
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.robot.faults import Faults, fault_of
 from koopman_lab.units import US_PER_S
@@ -77,32 +75,6 @@ class Outlet:
         self.next_sequence = 0
 
 
-class Inlet:
-    """One channel that a node listens to."""
-
-    def __init__(
-        self,
-        name: str,
-        decode: Callable[[bytes], Any],
-        by_radio: bool,
-        wire: Wire | None,
-        by_hand: bool,
-        restamped: bool,
-    ) -> None:
-        self.name = name
-        self.decode = decode
-        self.by_radio = by_radio
-        self.wire = wire
-        self.by_hand = by_hand
-        """Whether a person does it to the robot, so that a log must not do it again."""
-        self.restamped = restamped
-        """Whether the board reads it itself, and so stamps it by its own clock."""
-        self.counter = SequenceCounter()
-        self.raw_handlers: list[RawHandler] = []
-        self.handlers: list[Callable[[Any], None]] = []
-        """Called with the decoded message, after the raw ones."""
-
-
 class Anything:
     """Contains whatever is asked for."""
 
@@ -124,7 +96,6 @@ class BasePort(ABC):
         """By channel name."""
         self.timers: list[Timer] = []
         self.finished = False
-        self.undecodable = 0
         self.worst_lateness_us = 0
         self._node_name = node_name
         self.process = process
@@ -135,7 +106,7 @@ class BasePort(ABC):
         if node_name == ABOARD:
             self._faults = Faults(config.faults, start_us)
             self._radio = radio_pair(config)
-            self._clock = DriftingClock(config.clock, start_us)
+            self._clock = DriftingClock(config.clock, start_us, self._faults)
             self.subscribe(FAULT, self._on_fault)
 
     @abstractmethod
@@ -145,15 +116,7 @@ class BasePort(ABC):
     def now_us(self) -> int:
         """Return the present time by the node's own clock (us)."""
         bus_us = self.bus_us()
-        return bus_us if self._clock is None else self._own_us(bus_us)
-
-    def _own_us(self, bus_us: int) -> int:
-        if self._clock is None:
-            return bus_us
-        faults = self._faults
-        # Asked for every tick and message: a call would cost more than the rest of this.
-        effects = faults.effects if bus_us < faults.change_us else faults.at(bus_us)
-        return self._clock.read(bus_us) + effects.clock_jump_us
+        return bus_us if self._clock is None else self._clock.read(bus_us)
 
     @abstractmethod
     def send(self, name: str, data: bytes) -> None:
@@ -231,10 +194,11 @@ class BasePort(ABC):
             inlet = self.inlets[name] = Inlet(
                 name,
                 channel.type.decode,
+                self._clock,
                 by_radio=self._radio is not None and not channel.wired,
                 wire=Wire() if wired_end and channel.rate != "event" else None,
                 by_hand=channel in (FAULT, PLANT_RESET),
-                restamped=self._clock is not None and channel.wired,
+                restamped=channel.wired,
             )
         return inlet
 
@@ -244,13 +208,18 @@ class BasePort(ABC):
         They keep the pace of the bus, also aboard: on a real board motor ticks and encoder
         readings hang on one crystal, and the plant's encoders could not slide along with another.
         """
-        own_us = self._own_us
-        own_tick = tick if self._clock is None else lambda bus_us: tick(own_us(bus_us))
+        clock = self._clock
+        own_tick = tick if clock is None else lambda bus_us: tick(clock.read(bus_us))
         self.timers.append(Timer(rate_hz, own_tick))
 
     def finish(self) -> None:
         """Tell the runner that this node's work is done."""
         self.finished = True
+
+    @property
+    def undecodable(self) -> int:
+        """Return how many messages could not be decoded."""
+        return sum(inlet.undecodable for inlet in self.inlets.values())
 
     def lost_messages(self) -> dict[str, int]:
         """Return, by channel name, how many messages the sequence numbers show missing."""
@@ -266,39 +235,15 @@ class BasePort(ABC):
         The radio may bring one to the node later, twice, or never.
         """
         inlet = self.inlets[name]
-        receive = self._receive_by_radio if inlet.by_radio else self._receive
-        return lambda data, at_us: receive(inlet, data, at_us)
+        return partial(self._receive_by_radio, inlet) if inlet.by_radio else inlet.receive
 
     def _receive_by_radio(self, inlet: Inlet, data: bytes, sent_us: int) -> None:
         assert self._radio is not None
         for at_us in self._radio.to_robot.arrivals(sent_us, self._faults.at(sent_us).loss):
             if at_us <= sent_us:
-                self._receive(inlet, data, at_us)
+                inlet.receive(data, at_us)
             else:
-                self.later(at_us, partial(self._receive, inlet), data)
-
-    def _receive(self, inlet: Inlet, data: bytes, arrived_us: int) -> None:
-        """Hand a message to the handlers of its channel."""
-        if len(data) >= SMALLEST_MESSAGE:
-            utime, sequence = peek(data)
-            if inlet.wire is not None and not inlet.wire.takes(utime, arrived_us):
-                return
-            if inlet.by_hand and from_log(utime, arrived_us):
-                return
-            if inlet.restamped:
-                data = restamp(data, self._own_us(utime))
-            inlet.counter.update(sequence)
-        for handle_raw in inlet.raw_handlers:
-            handle_raw(inlet.name, data, self._own_us(arrived_us))
-        if not inlet.handlers:
-            return
-        try:
-            message = inlet.decode(data)
-        except (ValueError, struct.error):
-            self.undecodable += 1
-            return
-        for handle in inlet.handlers:
-            handle(message)
+                self.later(at_us, inlet.receive, data)
 
     def _on_fault(self, message: lcmtypes.fault_t) -> None:
         fault = fault_of(message)

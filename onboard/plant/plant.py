@@ -95,7 +95,9 @@ class Plant:
 
     def drive(self, left_duty: float, right_duty: float) -> None:
         """Apply motor duties (share of the battery voltage) from now on; hardware limits them."""
-        self.drives.drive(_limited(left_duty), _limited(right_duty))
+        if not (-1.0 <= left_duty <= 1.0 and -1.0 <= right_duty <= 1.0):
+            left_duty, right_duty = (min(1.0, max(-1.0, d)) for d in (left_duty, right_duty))
+        self.drives.drive(left_duty, right_duty)
 
     def place(self, pose: Pose) -> None:
         """Place the robot by hand: at rest, within the accuracy of ``config.plant.placement``."""
@@ -180,7 +182,3 @@ class Plant:
             x2 + half_s * way.imag,
             theta if abs(theta) < pi else wrap_angle(theta),
         )
-
-
-def _limited(duty: float) -> float:
-    return duty if -1.0 <= duty <= 1.0 else min(1.0, max(-1.0, duty))

@@ -11,6 +11,7 @@ from koopman_lab.bus.clock import DriftingClock
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config
 from koopman_lab.data.eventlog import read_events
+from koopman_lab.robot.faults import Faults
 from offboard.logger.node import LoggerNode
 from offboard.sampler.node import SamplerNode
 from onboard.motor_loop.node import OnboardNode
@@ -26,7 +27,7 @@ class Pair:
 
     def __init__(self, offset_s, drift_ppm, seed=1, there_s=0.001, back_s=0.001, **changes):
         clock = CLOCK.model_copy(update={"offset_s": offset_s, "drift_ppm": drift_ppm} | changes)
-        self.board = DriftingClock(clock, 0)
+        self.board = DriftingClock(clock, 0, Faults((), 0))
         self.sync = TimeSync(clock)
         self.now_us = 0
         self._rng, self._means_us = np.random.default_rng(seed), (1e6 * there_s, 1e6 * back_s)
@@ -126,7 +127,7 @@ def test_the_map_back_undoes_the_map(desk_us, drift_ppm):
 
 def test_a_clock_that_was_set_is_learned_anew():
     pair = Pair(0.25, 40.0).exchange(100)
-    pair.board = DriftingClock(CLOCK.model_copy(update={"offset_s": 10.0}), 0)
+    pair.board = DriftingClock(CLOCK.model_copy(update={"offset_s": 10.0}), 0, Faults((), 0))
     error, bound = pair.exchange(1).error_us()
     assert abs(error) <= bound < 10_000
     assert (pair.sync.restarts, pair.sync.exchanges) == (1, 1)
