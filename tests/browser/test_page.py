@@ -12,9 +12,10 @@ import pytest
 from klab import KLAB, MODEL, REFERENCE, start_klab
 from playwright.sync_api import Error, expect, sync_playwright
 
-from koopman_lab.bus.channels import ENCODER, ESTOP, HEARTBEATS, MOTOR_CMD
+from koopman_lab.bus.channels import ESTOP, HEARTBEATS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
+from offboard.console.wheels import Wheels
 
 FLAGS = [
     *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"),
@@ -22,8 +23,6 @@ FLAGS = [
 ]
 PATIENCE_MS = 60_000
 MOST_TRIES = 600
-MOST_MESSAGES = 10_000
-"""Of the wheels: 200 a second, and to start a controller takes a while."""
 WAIT_S = 0.05
 ROBOT = "R2"
 """The log in tests/data/reference is of R1, so that a replay of it may share the bus."""
@@ -174,51 +173,6 @@ def test_a_replay_beside_a_robot_is_marked_and_cannot_be_steered(browser, lab):
     expect(page.locator("#said")).to_have_text(f"{ROBOT}: release confirmed", timeout=PATIENCE_MS)
 
 
-class Wheels:
-    """When the motors were at zero, and when both encoders stood still."""
-
-    def __init__(self, bus):
-        self._bus = bus
-        self._duties, self._counts = [], []
-        bus.subscribe(MOTOR_CMD, self._duties.append)
-        bus.subscribe(ENCODER, self._counts.append)
-
-    def turn(self):
-        """Wait until they do."""
-        self._until(lambda: len(self._counts) > 1 and not self._same(*self._counts[-2:]))
-
-    def stop_after(self, pressed_us):
-        """Return how long after a moment (us) the motors were at zero, and the wheels stood."""
-        self._until(
-            lambda: (
-                len(self._counts) > 1
-                and self._counts[-2].utime > pressed_us
-                and self._same(*self._counts[-2:])
-            )
-        )
-        stood_us = self._counts[-2].utime
-        zero_us = next(
-            duty.utime
-            for duty in self._duties
-            if duty.utime > pressed_us and duty.left_duty == duty.right_duty == 0.0
-        )
-        return zero_us - pressed_us, stood_us - pressed_us
-
-    def _until(self, condition):
-        for _ in range(MOST_MESSAGES):
-            while self._bus.spin(0.0):
-                pass
-            if condition():
-                return
-            self._bus.spin(WAIT_S)
-        pytest.fail("the wheels never did")
-
-    @staticmethod
-    def _same(before, after):
-        """Return whether neither counter moved: what the motor loop takes for standing."""
-        return (before.left_count, before.right_count) == (after.left_count, after.right_count)
-
-
 def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(browser, lab):
     """The last test: it ends the lab."""
     address, bus = lab
@@ -278,7 +232,7 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(browser
         controller.send_signal(signal.SIGINT)
         controller.communicate(timeout=60)
     for zero_us, stood_us in (by_key, by_button):
-        # In order; how soon, is shown by `klab bench stop` and tests/onboard/test_emergency_stop.py.
+        # In order; how soon, `klab bench stop` and tests/onboard/test_emergency_stop.py show.
         assert 0 <= zero_us <= stood_us
     pids = []
     bus.subscribe(HEARTBEATS["plant"], lambda beat: pids.append(beat.pid))
