@@ -19,13 +19,13 @@ from offboard.viewer.collected import Collected, Point
 from offboard.viewer.history import History
 from offboard.viewer.json_values import (
     Numbers,
-    box,
     entry_row,
     flow_row,
     horizon,
     number,
     numbers,
     progress,
+    settled,
 )
 from offboard.viewer.latest import Latest
 from offboard.viewer.roll import ALIVE, FINISHED, SILENT, Entry, Roll
@@ -61,6 +61,7 @@ class RobotView:
     def __init__(self, name: str, config: LabConfig) -> None:
         self.name = name
         self.config = config
+        self._settled = settled(config)
         self.roll = Roll()
         self.collected = Collected()
         self.rows: History[Row] = History(MOST_ROWS)
@@ -162,7 +163,6 @@ class RobotView:
         flows, processes = self._cached_tables(now_us, entries, stale)
         trouble = [self._config_trouble] if self._config_trouble else []
         return {
-            "kind": self.config.robot.kind,
             "line": self._line(now_us, entries, status, mpc, sampler),
             "banners": words.banners(entries, stale, lost_view=lost_view) + trouble,
             "replay": replayed,
@@ -177,14 +177,8 @@ class RobotView:
             "goal": None if mpc is None else numbers(*mpc.goal),
             "driving": mpc is not None and mpc.state == mpc.DRIVING,
             "horizon": [] if mpc is None else horizon(mpc),
-            "interval_ms": number(self.config.controller.dt_s * 1e3),
             "sampler": None if sampler is None else progress(sampler),
-            "robot": self.config.robot.model_dump(mode="json"),
-            "floor": self.config.controller.goal_area.model_dump(mode="json"),
-            "sets": {
-                "X0": box(self.config.sampler.draw_set),
-                "Z": box(self.config.sampler.admissible_set),
-            },
+            **self._settled,
             "channels": flows,
             "processes": processes,
         }
@@ -203,6 +197,7 @@ class RobotView:
         self._config_yaml, self._config_trouble = info.config_yaml, ""
         try:
             self.config = parse_config(info.config_yaml, channels.SESSION_INFO.name(self.name))
+            self._settled = settled(self.config)
         except ConfigError:
             self._config_trouble = (
                 "the session's configuration is none of this version; sets and limits shown are "
