@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import lcmtypes
 from koopman_lab.bus import channels
@@ -47,6 +47,16 @@ Row = Numbers
 (rad/s), value function, solve time (ms), x2 deviation from the goal (m)."""
 
 
+class _Tables(NamedTuple):
+    """What is made only every :data:`TABLES_S`, at ``now_us``."""
+
+    now_us: int
+    entries: list[Entry]
+    stale: list[tuple[Stream, float]]
+    channels: list[dict[str, Any]]
+    processes: list[dict[str, Any]]
+
+
 class RobotView:
     """Messages in, snapshot out.
 
@@ -86,7 +96,7 @@ class RobotView:
         self._row_due_us = 0
         self._old_us: int | None = None
         self._fresh_us: int | None = None
-        self._tables: tuple[int, list[dict[str, Any]], list[dict[str, Any]]] | None = None
+        self._tables: _Tables | None = None
 
     def take(self, stream: Stream, channel: Channel[Any], data: bytes, arrived_us: int) -> None:
         """Take a message of this robot; those that cannot be decoded change nothing here."""
@@ -156,15 +166,13 @@ class RobotView:
         status, mpc, pose = self.status(now_us), self.mpc(now_us), self._pose.young(now_us, YOUNG_S)
         sampler = self._sampler.young(now_us, YOUNG_S)
         wheels = self._wheels.young(now_us, YOUNG_S)
-        entries = self.entries(now_us)
         replayed = self.replayed(now_us)
         lost_view = pose is not None and not pose.tracking_valid
-        stale = self._stale(now_us, entries)
-        flows, processes = self._cached_tables(now_us, entries, stale)
+        tables = self._tables_at(now_us)
         trouble = [self._config_trouble] if self._config_trouble else []
         return {
-            "line": self._line(now_us, entries, status, mpc, sampler),
-            "banners": words.banners(entries, stale, lost_view=lost_view) + trouble,
+            "line": self._line(now_us, tables.entries, status, mpc, sampler),
+            "banners": words.banners(tables.entries, tables.stale, lost_view=lost_view) + trouble,
             "replay": replayed,
             "steerable": not replayed and self.alive(now_us),
             "pose": None if pose is None else numbers(pose.x1_m, pose.x2_m, pose.theta_rad),
@@ -179,8 +187,8 @@ class RobotView:
             "horizon": [] if mpc is None else horizon(mpc),
             "sampler": None if sampler is None else progress(sampler),
             **self._settled,
-            "channels": flows,
-            "processes": processes,
+            "channels": tables.channels,
+            "processes": tables.processes,
         }
 
     def _judge_time(self, channel: Channel[Any], utime: int, arrived_us: int) -> None:
@@ -264,16 +272,16 @@ class RobotView:
         over = words.excused(entries, at_rest=at_rest)
         return words.stale(list(self._streams.values()), self.config, over, now_us)
 
-    def _cached_tables(
-        self, now_us: int, entries: list[Entry], stale: list[tuple[Stream, float]]
-    ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    def _tables_at(self, now_us: int) -> _Tables:
         made = self._tables
-        if made is None or not 0 <= now_us - made[0] < TABLES_S * US_PER_S:
+        if made is None or not 0 <= now_us - made.now_us < TABLES_S * US_PER_S:
+            entries = self.entries(now_us)
+            stale = self._stale(now_us, entries)
             names = {stream.name for stream, _ in stale}
-            streams = sorted(self._streams.values(), key=lambda stream: stream.name)
             flows = [
                 flow_row(stream.flow(now_us, self.config)) | {"stale": stream.name in names}
-                for stream in streams
+                for stream in sorted(self._streams.values(), key=lambda stream: stream.name)
             ]
-            made = self._tables = now_us, flows, [entry_row(entry) for entry in entries]
-        return made[1], made[2]
+            rows = [entry_row(entry) for entry in entries]
+            made = self._tables = _Tables(now_us, entries, stale, flows, rows)
+        return made
