@@ -59,7 +59,7 @@ class Load(NamedTuple):
     snapshot_ms
         From when a snapshot was made until a client had it.
     drawn_ms
-        From a camera frame's arrival until the picture frame after the one that drew it; None
+        From a camera frame's exposure until the picture frame after the one that drew it; None
         without a browser.
     messages, lost
         In the session log, and missing from it by their numbers.

@@ -31,8 +31,9 @@ from offboard.viewer.latest import Latest
 from offboard.viewer.roll import ALIVE, FINISHED, SILENT, Entry, Roll
 from offboard.viewer.streams import Stream
 
-ROW_S = 0.05
-"""Between two rows of the plots, and two points of the trail."""
+ROW_S = 0.04
+"""At least between two rows of the plots, and two points of the trail; so that each snapshot,
+every 50 ms, brings one."""
 MOST_ROWS = 2400
 """Two minutes."""
 YOUNG_S = 1.0
@@ -93,6 +94,7 @@ class RobotView:
         self._beats = {c.suffix: node for node, c in channels.HEARTBEATS.items()}
         self._config_yaml = ""
         self._config_trouble = ""
+        self._heard_us: int | None = None
         self._row_due_us = 0
         self._old_us: int | None = None
         self._fresh_us: int | None = None
@@ -102,6 +104,7 @@ class RobotView:
         """Take a message of this robot; those that cannot be decoded change nothing here."""
         suffix = channel.suffix
         self._streams[suffix] = stream
+        self._note_row(arrived_us)
         if len(data) < SMALLEST_MESSAGE:
             return
         self._judge_time(channel, peek(data)[0], arrived_us)
@@ -123,9 +126,6 @@ class RobotView:
                 self.roll.tell(message, arrived_us)
         elif suffix in self._beats:
             self.roll.beat(self._beats[suffix], data, arrived_us)
-        if arrived_us >= self._row_due_us or arrived_us < self._row_due_us - US_PER_S:
-            self._row_due_us = arrived_us + round(ROW_S * US_PER_S)
-            self.rows.append(self._row(arrived_us))
 
     def replayed(self, now_us: int) -> bool:
         """Return whether what is heard is a log, sent again."""
@@ -176,7 +176,9 @@ class RobotView:
             "replay": replayed,
             "steerable": not replayed and self.alive(now_us),
             "pose": None if pose is None else numbers(pose.x1_m, pose.x2_m, pose.theta_rad),
-            "pose_age_s": number((now_us - self._pose.arrived_us) / US_PER_S) if pose else None,
+            # Since the camera saw it; a log's only since it was said again.
+            "pose_age_s": pose
+            and number((now_us - (self._pose.arrived_us if replayed else pose.utime)) / US_PER_S),
             "tracked": pose is not None and bool(pose.tracking_valid),
             "onboard": None if status is None else words.standing(status),
             "stopped": status is not None and status.state in (status.ESTOP, status.FAULT),
@@ -219,6 +221,16 @@ class RobotView:
         x1, x2 = round(pose.x1_m, 4), round(pose.x2_m, 4)
         return (x1, x2) if math.isfinite(x1) and math.isfinite(x2) else None
 
+    def _note_row(self, arrived_us: int) -> None:
+        """Make a row of what was known before a message that arrives, where one is due."""
+        heard_us, self._heard_us = self._heard_us, arrived_us
+        if (
+            heard_us is not None
+            and not self._row_due_us - US_PER_S <= arrived_us < self._row_due_us
+        ):
+            self._row_due_us = arrived_us + round(ROW_S * US_PER_S)
+            self.rows.append(self._row(heard_us))
+
     def _row(self, now_us: int) -> Row:
         pose, wheels = self._pose.young(now_us, YOUNG_S), self._wheels.young(now_us, YOUNG_S)
         status, mpc = self.status(now_us), self.mpc(now_us)
@@ -247,9 +259,9 @@ class RobotView:
         mpc: lcmtypes.mpc_state_t | None,
         sampler: lcmtypes.sampler_state_t | None,
     ) -> str:
-        heard_us = max((stream.heard_us for stream in self._streams.values()), default=0)
-        if now_us - heard_us > REPLAY_MEMORY_S * US_PER_S:
-            return f"nothing heard for {(now_us - heard_us) / US_PER_S:.0f} s"
+        silent_us = now_us - (self._heard_us or 0)
+        if silent_us > REPLAY_MEMORY_S * US_PER_S:
+            return f"nothing heard for {silent_us / US_PER_S:.0f} s"
         before = "replay: " if self.replayed(now_us) else ""
         if status is not None and (held := words.held_by(status)) is not None:
             return f"{before}stopped: {held}; it stands until it is released"

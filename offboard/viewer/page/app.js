@@ -229,7 +229,7 @@ function floorAgain() {
   if (performance.now() > slowAt) {
     slowAt = performance.now() + SLOW_MS;
     slow(robot, mine);
-    text("lag", `From the newest pose to this picture: ${lag.toFixed(0)} ms by this machine's clock.`);
+    text("lag", `From the camera to this picture: ${lag.toFixed(0)} ms by this machine's clock.`);
   }
 }
 
