@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.channels import ABOARD, Channel
+from koopman_lab.bus.channels import ABOARD, OPERATOR, Channel
 from koopman_lab.bus.sequence import SMALLEST_MESSAGE, peek
 from koopman_lab.bus.wire import from_log
 from koopman_lab.config.load import parse_config
@@ -194,7 +194,12 @@ class RobotView:
         }
 
     def _judge_time(self, channel: Channel[Any], utime: int, arrived_us: int) -> None:
-        """Tell what is said now from what a log said once; the board's clock may be wrong."""
+        """Tell what is said now from what a log said once; the board's clock may be wrong.
+
+        What a person says to a robot, here or elsewhere, is no sign of the robot.
+        """
+        if channel.publisher == OPERATOR:
+            return
         if not from_log(utime, arrived_us):
             self._fresh_us = arrived_us
         elif channel.publisher != ABOARD:

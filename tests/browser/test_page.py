@@ -26,6 +26,7 @@ MOST_TRIES = 600
 WAIT_S = 0.05
 ROBOT = "R2"
 """The log in tests/data/reference is of R1, so that a replay of it may share the bus."""
+SECOND = "R3"
 
 
 @pytest.fixture(scope="module")
@@ -171,6 +172,45 @@ def test_a_replay_beside_a_robot_is_marked_and_cannot_be_steered(browser, lab):
     page.locator("#arm").press("Enter")
     page.locator("#release").press("Enter")
     expect(page.locator("#said")).to_have_text(f"{ROBOT}: release confirmed", timeout=PATIENCE_MS)
+
+
+@pytest.fixture
+def second(tmp_path):
+    """Bring another robot up beside the first."""
+    process = start_klab("up", "--robot-name", SECOND, "--out", tmp_path / "up")
+    yield SECOND
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=60)
+
+
+def test_two_robots_stop_together_and_are_released_one_by_one(browser, lab, second):
+    address, _ = lab
+    page = opened(browser, address)
+    line, said = page.locator("#line"), page.locator("#said")
+
+    def choose(name):
+        page.locator(f"input[value={name}]").check(timeout=PATIENCE_MS)
+
+    def release(name):
+        choose(name)
+        page.locator("#arm").press("Enter")
+        expect(page.locator("#release")).to_have_text(f"Confirm release of {name}")
+        page.locator("#release").press("Enter")
+        expect(said).to_have_text(f"{name}: release confirmed", timeout=PATIENCE_MS)
+
+    for name in (second, ROBOT):
+        choose(name)
+        expect(line).to_have_text(f"{name}: at rest, nobody commands it", timeout=PATIENCE_MS)
+        expect(page.locator("#channels")).to_contain_text(f"{name}_MOCAP_POSE")
+    page.keyboard.press("Space")
+    for name in (second, ROBOT):
+        choose(name)
+        expect(line).to_contain_text(f"{name}: stopped: emergency stop", timeout=PATIENCE_MS)
+    release(second)
+    expect(line).to_have_text(f"{second}: at rest, nobody commands it", timeout=PATIENCE_MS)
+    choose(ROBOT)
+    expect(line).to_contain_text(f"{ROBOT}: stopped: emergency stop", timeout=PATIENCE_MS)
+    release(ROBOT)
 
 
 def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(browser, lab):

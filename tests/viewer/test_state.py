@@ -206,6 +206,15 @@ def test_who_was_stopped_on_purpose_is_not_missed():
     assert robot["processes"][0]["state"] == "finished"
 
 
+def test_what_a_person_says_to_a_robot_is_no_sign_of_the_robot():
+    view, now_us = seen("park.lcm")
+    stop, late_us = lcmtypes.estop_t(), now_us + 10_000_000
+    stop.utime, stop.engaged = late_us, True
+    assert view.snapshot(now_us)["R1"]["steerable"]
+    view.take("R1_ESTOP", stop.encode(), late_us)
+    assert not view.snapshot(late_us)["R1"]["steerable"]
+
+
 def test_a_reference_run_is_what_the_lab_is_doing():
     view = LabView(load_config())
     state = lcmtypes.reference_state_t()
