@@ -29,7 +29,7 @@ BUTTON = "button"
 WAYS = ("space bar", BUTTON)
 SLOW_M_PER_S = 0.15
 """From faster the motors, at zero, take longer than 100 ms to brake the body."""
-READY, CONFIRMED = "#line:has-text(': ')", "#said:has-text('confirmed')"
+READY, CONFIRMED = "#line:has-text(': ')", "#said:has-text('STOP confirmed')"
 FEWEST_TURNS, MOST_TURNS = 50, 150
 """Encoder messages between two presses, so that they meet the weave at any speed."""
 US_PER_MS = 1000
@@ -122,7 +122,6 @@ def _press(
         for count, least in enumerate(turns.tolist()):
             wheels.turn(least)
             v, omega = wheels.speeds
-            page.evaluate("document.getElementById('said').textContent = ''")
             by = WAYS[count % len(WAYS)]
             if by == BUTTON:
                 page.locator("#stop").click()

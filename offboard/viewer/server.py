@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 import json
 from collections.abc import AsyncIterator, Callable, Coroutine
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -158,22 +159,23 @@ class Server:
                 await socket.close(BAD_DATA)
                 return
             try:
-                self._desk.ask(
-                    parse_request(text), socket, lambda good, said: self._reply(socket, good, said)
-                )
-                self._keep(self._insist())
+                request = parse_request(text)
             except RequestError as error:
                 self._refused(str(error))
                 await socket.close(POLICY)
                 return
+            reply = partial(self._reply, socket, request.robot)
+            try:
+                self._desk.ask(request, socket, reply)
+                self._keep(self._insist())
             except LabError as error:
                 self._refused(str(error))
-                self._reply(socket, False, str(error))
+                reply(False, str(error))
 
-    def _reply(self, socket: WebSocket, good: bool, said: str) -> None:
+    def _reply(self, socket: WebSocket, robot: str, good: bool, said: str) -> None:
         async def send() -> None:
             with contextlib.suppress(WebSocketDisconnect, RuntimeError):
-                await socket.send_text(json.dumps({"good": good, "said": said}))
+                await socket.send_text(json.dumps({"robot": robot, "good": good, "said": said}))
 
         self._keep(send())
 

@@ -158,7 +158,8 @@ def test_a_client_that_sends_nonsense_is_put_out_and_nothing_moves(bench, frame)
 def test_stop_goes_out_until_it_is_obeyed_and_release_takes_two_steps(bench):
     with bench.page() as socket:
         bench.until(socket, lambda robot: robot["steerable"])
-        assert bench.ask(socket, do="stop") == {"good": True, "said": "R1: STOP confirmed"}
+        stopped = bench.ask(socket, do="stop")
+        assert stopped == {"robot": "R1", "good": True, "said": "R1: STOP confirmed"}
         bench.until(socket, lambda robot: robot["stopped"])
         refused = bench.ask(socket, do="release")
         assert (refused["good"], refused["said"]) == (
@@ -166,7 +167,8 @@ def test_stop_goes_out_until_it_is_obeyed_and_release_takes_two_steps(bench):
             "R1: releasing takes two steps; begin again",
         )
         assert bench.ask(socket, do="arm")["good"]
-        assert bench.ask(socket, do="release") == {"good": True, "said": "R1: release confirmed"}
+        released = bench.ask(socket, do="release")
+        assert released == {"robot": "R1", "good": True, "said": "R1: release confirmed"}
         bench.until(socket, lambda robot: not robot["stopped"])
 
 
