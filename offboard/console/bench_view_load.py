@@ -7,7 +7,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,6 +19,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from offboard.console.bench_browser import page_at
 from offboard.console.bench_session import drive
+from offboard.console.child import command
 from offboard.console.view import HOST, free_port
 
 if TYPE_CHECKING:
@@ -190,9 +190,9 @@ class _Meter:
 @contextlib.contextmanager
 def _clients(address: str, count: int) -> Iterator[subprocess.Popen[str]]:
     """Give a process with so many clients; it tells the age of each snapshot when it is stopped."""
-    command = [sys.executable, "-m", "offboard.console.bench_view_clients", address, str(count)]
+    reader = command("offboard.console.bench_view_clients", address, str(count))
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, text=True, start_new_session=True
+        reader, stdout=subprocess.PIPE, text=True, start_new_session=True
     ) as process:
         try:
             yield process
