@@ -53,6 +53,9 @@ Owner = Literal[
 DRIVERS: tuple[Owner, ...] = ("sampler", "controller", "reference")
 """Nodes that command the robot. They speak on the same channels, one of them at a time."""
 
+OPERATOR: Owner = "operator"
+"""A person."""
+
 INFO_RATE_HZ = 1.0
 """What a log needs to explain itself is four kilobytes; once a second is soon enough."""
 

@@ -13,6 +13,7 @@ from offboard.console.bench_dataset import dataset
 from offboard.console.bench_edmd import edmd
 from offboard.console.bench_lockstep import lockstep
 from offboard.console.bench_parks import parks
+from offboard.console.bench_stop import stop
 from offboard.console.bench_view import view
 from offboard.console.terminal import err, out, progress
 
@@ -22,6 +23,7 @@ app.command()(dataset)
 app.command()(parks)
 app.command()(edmd)
 app.command()(view)
+app.command()(stop)
 
 
 @app.callback()

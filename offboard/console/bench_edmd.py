@@ -15,6 +15,7 @@ import typer
 from koopman_lab.errors import LabStateError
 from offboard.console import options
 from offboard.console.bench_dataset import PAPER_PAIRS
+from offboard.console.child import command
 from offboard.console.terminal import out
 
 if TYPE_CHECKING:
@@ -66,8 +67,8 @@ def edmd(
 
 def _apart(way: str, pairs: int, repetitions: int) -> dict[str, Any]:
     """Measure one way in a process of its own."""
-    command = [sys.executable, "-m", __name__, way, str(pairs), str(repetitions)]
-    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    alone = command(__name__, way, str(pairs), str(repetitions))
+    ended = subprocess.run(alone, capture_output=True, text=True, check=False)
     if ended.returncode:
         last = (ended.stderr.strip().splitlines() or ["no message"])[-1]
         raise LabStateError(

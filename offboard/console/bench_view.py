@@ -37,7 +37,7 @@ def view(
     """Serve the page to many clients during a calibration: CPU, memory, delay, lost messages.
 
     One client is stopped like a machine that hangs. With Chromium and the package playwright one
-    is a real page, and shows how long a camera frame takes from the bus to the screen.
+    is a real page, and shows how long a camera frame takes to the screen.
 
     Example: klab bench view --minutes 1 --clients 4
     """
@@ -70,7 +70,7 @@ def _table(found: Load, seconds: float) -> Table:
     low, high = min(found.memory_mb[1:] or found.memory_mb), max(found.memory_mb)
     table.add_row("its memory", f"{low:.1f} to {high:.1f} MB, at last {found.memory_mb[-1]:.1f} MB")
     for what, spread in (
-        ("camera frame on the bus to next picture", found.drawn_ms),
+        ("camera exposure to next picture", found.drawn_ms),
         ("snapshot made to client", found.snapshot_ms),
     ):
         if spread is not None:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import shutil
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,7 +17,9 @@ import lcmtypes
 from koopman_lab.bus.channels import HEARTBEATS
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
+from offboard.console.bench_browser import page_at
 from offboard.console.bench_session import drive
+from offboard.console.child import command
 from offboard.console.view import HOST, free_port
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ MEMORY_PERIOD_S = 15.0
 SETTLE_S = 5.0
 """Pages load and the server's code grows warm; not measured."""
 KB = 1024
-FLAGS = ("--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking")
 WATCH = """() => {
   window.delays = [];
   new MutationObserver(() => {
@@ -60,7 +59,7 @@ class Load(NamedTuple):
     snapshot_ms
         From when a snapshot was made until a client had it.
     drawn_ms
-        From a camera frame's arrival until the picture frame after the one that drew it; None
+        From a camera frame's exposure until the picture frame after the one that drew it; None
         without a browser.
     messages, lost
         In the session log, and missing from it by their numbers.
@@ -120,7 +119,7 @@ def measure(
         lab = stack.enter_context(supervised(config, folder, listener))
         start_missing(lab, set(), folder)
         lab.start("view", "--port", str(port))
-        page = stack.enter_context(_page(f"http://{address}/"))
+        page = stack.enter_context(page_at(f"http://{address}/"))
         readers = clients - 1 - (page is not None)
         reading = stack.enter_context(_clients(address, max(readers, 1)))
         hanging = stack.enter_context(_clients(address, 1))
@@ -191,40 +190,14 @@ class _Meter:
 @contextlib.contextmanager
 def _clients(address: str, count: int) -> Iterator[subprocess.Popen[str]]:
     """Give a process with so many clients; it tells the age of each snapshot when it is stopped."""
-    command = [sys.executable, "-m", "offboard.console.bench_view_clients", address, str(count)]
+    reader = command("offboard.console.bench_view_clients", address, str(count))
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, text=True, start_new_session=True
+        reader, stdout=subprocess.PIPE, text=True, start_new_session=True
     ) as process:
         try:
             yield process
         finally:
             process.kill()
-
-
-@contextlib.contextmanager
-def _page(address: str) -> Iterator[Any]:
-    """Give the page in a real browser, None where there is none."""
-    chromium = shutil.which("chromium")
-    try:
-        from playwright.sync_api import Error, sync_playwright
-    except ModuleNotFoundError:
-        chromium = None
-    if chromium is None:
-        yield None
-        return
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=chromium, args=FLAGS)
-        page = browser.new_page()
-        for _ in range(MOST_TRIES):
-            with contextlib.suppress(Error):
-                page.goto(address)
-                break
-            page.wait_for_timeout(TRY_MS)
-        yield page
-        browser.close()
-
-
-MOST_TRIES, TRY_MS = 150, 200.0
 
 
 def _spread(values: list[float]) -> Spread:

@@ -91,6 +91,19 @@ def pacer(
     _run_timed(Pacer(lab), lab, tick_times, lifeline_fd)
 
 
+@app.command(hidden=True)
+def weaver(config: options.ConfigFile = None, lifeline_fd: Lifeline = None) -> None:
+    """Drive the robot along a weave for good, so that a bench has something to stop.
+
+    Example: klab run weaver --config runs/up/config.yaml
+    """
+    from koopman_lab.bus.realtime import run_node
+    from offboard.console.weaver import Weaver
+
+    lab = options.resolve(config, None, None)
+    run_node(Weaver(lab), lab, lifeline_fd=lifeline_fd)
+
+
 def _run_timed(node: Node, lab: LabConfig, file: Path | None, lifeline_fd: int | None) -> None:
     from koopman_lab.bus.pacing import TickTimes
     from koopman_lab.bus.realtime import run_node

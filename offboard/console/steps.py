@@ -9,7 +9,6 @@ import os
 import shlex
 import shutil
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -20,6 +19,7 @@ from pathlib import Path
 from koopman_lab.errors import LabStateError
 from koopman_lab.files import write_json
 from koopman_lab.paper.made import Made
+from offboard.console.child import command
 from offboard.console.folder import revision
 
 MARKER = "done.json"
@@ -155,7 +155,7 @@ def _make(folder: Path, step: Step, workers: int, anew: bool, descriptors: tuple
     began_s = time.monotonic()
     with log.open("wb") as file:
         code = subprocess.run(
-            [sys.executable, "-m", "offboard.console.attended", str(descriptors[1]), *arguments],
+            command("offboard.console.attended", str(descriptors[1]), *arguments),
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=file,

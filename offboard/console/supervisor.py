@@ -8,7 +8,6 @@ import shutil
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -20,6 +19,7 @@ from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.units import US_PER_S
+from offboard.console.child import command
 from offboard.console.folder import RunFolder
 from offboard.console.notes import Note, last_lines
 from offboard.processes import NAMES
@@ -94,12 +94,10 @@ class Supervisor:
         LabStateError
             If that file cannot be written.
         """
-        command = [
-            *(sys.executable, "-m", "offboard.console.main", "run", name),
-            *("--config", str(self._folder.config)),
-            *("--lifeline-fd", str(self._lifeline_read)),
-            *map(str, arguments),
-        ]
+        node = command(
+            *("offboard.console.main", "run", name, "--config", self._folder.config),
+            *("--lifeline-fd", str(self._lifeline_read), *arguments),
+        )
         file = self._folder.process_log(name)
         try:
             file.parent.mkdir(exist_ok=True)
@@ -111,7 +109,7 @@ class Supervisor:
             ) from None
         with log:
             self._children[name] = subprocess.Popen(
-                command,
+                node,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,

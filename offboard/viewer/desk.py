@@ -50,6 +50,11 @@ class Desk:
         """Return the present time (us)."""
         return self._ear.now_us()
 
+    @property
+    def ordering(self) -> bool:
+        """Return whether something was ordered that is not obeyed yet."""
+        return bool(self._orders)
+
     def work(self) -> None:
         """Take everything that has arrived, and say again what is not obeyed yet."""
         self._ear.spin(0.0)

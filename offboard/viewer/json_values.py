@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import lcmtypes
-from koopman_lab.config.schema import StateSet
+from koopman_lab.config.schema import LabConfig, StateSet
 from offboard.viewer.roll import Entry
 from offboard.viewer.streams import Flow
 from offboard.viewer.words import PHASES, word
@@ -27,9 +27,13 @@ def numbers(*values: float) -> Numbers:
 
 
 def flow_row(flow: Flow) -> dict[str, Any]:
-    """Return how a channel flows as JSON can hold it."""
+    """Return how a channel flows as JSON can hold it.
+
+    Without the jitter: the page's bus is emptied only now and then.
+    """
     row = flow._asdict()
-    for key in ("rate_hz", "nominal_hz", "jitter_s", "age_s"):
+    del row["jitter_s"]
+    for key in ("rate_hz", "nominal_hz", "age_s"):
         row[key] = number(row[key])
     return row
 
@@ -64,3 +68,14 @@ def progress(state: lcmtypes.sampler_state_t) -> dict[str, Any]:
 def box(states: StateSet) -> dict[str, list[float]]:
     """Return a set as it lies on the floor (m)."""
     return {"x1_m": list(states.x1_m), "x2_m": list(states.x2_m)}
+
+
+def settled(config: LabConfig) -> dict[str, Any]:
+    """Return what the page shows of a robot's configuration, the same from message to message."""
+    return {
+        "kind": config.robot.kind,
+        "interval_ms": number(config.controller.dt_s * 1e3),
+        "robot": config.robot.model_dump(mode="json"),
+        "floor": config.controller.goal_area.model_dump(mode="json"),
+        "sets": {"X0": box(config.sampler.draw_set), "Z": box(config.sampler.admissible_set)},
+    }

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.channels import ABOARD, Channel
+from koopman_lab.bus.channels import ABOARD, OPERATOR, Channel
 from koopman_lab.bus.sequence import SMALLEST_MESSAGE, peek
 from koopman_lab.bus.wire import from_log
 from koopman_lab.config.load import parse_config
@@ -19,20 +19,21 @@ from offboard.viewer.collected import Collected, Point
 from offboard.viewer.history import History
 from offboard.viewer.json_values import (
     Numbers,
-    box,
     entry_row,
     flow_row,
     horizon,
     number,
     numbers,
     progress,
+    settled,
 )
 from offboard.viewer.latest import Latest
 from offboard.viewer.roll import ALIVE, FINISHED, SILENT, Entry, Roll
 from offboard.viewer.streams import Stream
 
-ROW_S = 0.05
-"""Between two rows of the plots, and two points of the trail."""
+ROW_S = 0.04
+"""At least between two rows of the plots, and two points of the trail; so that each snapshot,
+every 50 ms, brings one."""
 MOST_ROWS = 2400
 """Two minutes."""
 YOUNG_S = 1.0
@@ -45,6 +46,16 @@ TABLES_S = 0.5
 Row = Numbers
 """Time (s), x1, x2 (m), theta (rad), v measured, v wanted (m/s), omega measured, omega wanted
 (rad/s), value function, solve time (ms), x2 deviation from the goal (m)."""
+
+
+class _Tables(NamedTuple):
+    """What is made only every :data:`TABLES_S`, at ``now_us``."""
+
+    now_us: int
+    entries: list[Entry]
+    stale: list[tuple[Stream, float]]
+    channels: list[dict[str, Any]]
+    processes: list[dict[str, Any]]
 
 
 class RobotView:
@@ -61,6 +72,7 @@ class RobotView:
     def __init__(self, name: str, config: LabConfig) -> None:
         self.name = name
         self.config = config
+        self._settled = settled(config)
         self.roll = Roll()
         self.collected = Collected()
         self.rows: History[Row] = History(MOST_ROWS)
@@ -82,15 +94,17 @@ class RobotView:
         self._beats = {c.suffix: node for node, c in channels.HEARTBEATS.items()}
         self._config_yaml = ""
         self._config_trouble = ""
+        self._heard_us: int | None = None
         self._row_due_us = 0
         self._old_us: int | None = None
         self._fresh_us: int | None = None
-        self._tables: tuple[int, list[dict[str, Any]], list[dict[str, Any]]] | None = None
+        self._tables: _Tables | None = None
 
     def take(self, stream: Stream, channel: Channel[Any], data: bytes, arrived_us: int) -> None:
         """Take a message of this robot; those that cannot be decoded change nothing here."""
         suffix = channel.suffix
         self._streams[suffix] = stream
+        self._note_row(arrived_us)
         if len(data) < SMALLEST_MESSAGE:
             return
         self._judge_time(channel, peek(data)[0], arrived_us)
@@ -112,9 +126,6 @@ class RobotView:
                 self.roll.tell(message, arrived_us)
         elif suffix in self._beats:
             self.roll.beat(self._beats[suffix], data, arrived_us)
-        if arrived_us >= self._row_due_us or arrived_us < self._row_due_us - US_PER_S:
-            self._row_due_us = arrived_us + round(ROW_S * US_PER_S)
-            self.rows.append(self._row(arrived_us))
 
     def replayed(self, now_us: int) -> bool:
         """Return whether what is heard is a log, sent again."""
@@ -155,20 +166,19 @@ class RobotView:
         status, mpc, pose = self.status(now_us), self.mpc(now_us), self._pose.young(now_us, YOUNG_S)
         sampler = self._sampler.young(now_us, YOUNG_S)
         wheels = self._wheels.young(now_us, YOUNG_S)
-        entries = self.entries(now_us)
         replayed = self.replayed(now_us)
         lost_view = pose is not None and not pose.tracking_valid
-        stale = self._stale(now_us, entries)
-        flows, processes = self._cached_tables(now_us, entries, stale)
+        tables = self._tables_at(now_us)
         trouble = [self._config_trouble] if self._config_trouble else []
         return {
-            "kind": self.config.robot.kind,
-            "line": self._line(now_us, entries, status, mpc, sampler),
-            "banners": words.banners(entries, stale, lost_view=lost_view) + trouble,
+            "line": self._line(now_us, tables.entries, status, mpc, sampler),
+            "banners": words.banners(tables.entries, tables.stale, lost_view=lost_view) + trouble,
             "replay": replayed,
             "steerable": not replayed and self.alive(now_us),
             "pose": None if pose is None else numbers(pose.x1_m, pose.x2_m, pose.theta_rad),
-            "pose_age_s": number((now_us - self._pose.arrived_us) / US_PER_S) if pose else None,
+            # Since the camera saw it; a log's only since it was said again.
+            "pose_age_s": pose
+            and number((now_us - (self._pose.arrived_us if replayed else pose.utime)) / US_PER_S),
             "tracked": pose is not None and bool(pose.tracking_valid),
             "onboard": None if status is None else words.standing(status),
             "stopped": status is not None and status.state in (status.ESTOP, status.FAULT),
@@ -177,20 +187,19 @@ class RobotView:
             "goal": None if mpc is None else numbers(*mpc.goal),
             "driving": mpc is not None and mpc.state == mpc.DRIVING,
             "horizon": [] if mpc is None else horizon(mpc),
-            "interval_ms": number(self.config.controller.dt_s * 1e3),
             "sampler": None if sampler is None else progress(sampler),
-            "robot": self.config.robot.model_dump(mode="json"),
-            "floor": self.config.controller.goal_area.model_dump(mode="json"),
-            "sets": {
-                "X0": box(self.config.sampler.draw_set),
-                "Z": box(self.config.sampler.admissible_set),
-            },
-            "channels": flows,
-            "processes": processes,
+            **self._settled,
+            "channels": tables.channels,
+            "processes": tables.processes,
         }
 
     def _judge_time(self, channel: Channel[Any], utime: int, arrived_us: int) -> None:
-        """Tell what is said now from what a log said once; the board's clock may be wrong."""
+        """Tell what is said now from what a log said once; the board's clock may be wrong.
+
+        What a person says to a robot, here or elsewhere, is no sign of the robot.
+        """
+        if channel.publisher == OPERATOR:
+            return
         if not from_log(utime, arrived_us):
             self._fresh_us = arrived_us
         elif channel.publisher != ABOARD:
@@ -203,6 +212,7 @@ class RobotView:
         self._config_yaml, self._config_trouble = info.config_yaml, ""
         try:
             self.config = parse_config(info.config_yaml, channels.SESSION_INFO.name(self.name))
+            self._settled = settled(self.config)
         except ConfigError:
             self._config_trouble = (
                 "the session's configuration is none of this version; sets and limits shown are "
@@ -215,6 +225,16 @@ class RobotView:
             return None
         x1, x2 = round(pose.x1_m, 4), round(pose.x2_m, 4)
         return (x1, x2) if math.isfinite(x1) and math.isfinite(x2) else None
+
+    def _note_row(self, arrived_us: int) -> None:
+        """Make a row of what was known before a message that arrives, where one is due."""
+        heard_us, self._heard_us = self._heard_us, arrived_us
+        if (
+            heard_us is not None
+            and not self._row_due_us - US_PER_S <= arrived_us < self._row_due_us
+        ):
+            self._row_due_us = arrived_us + round(ROW_S * US_PER_S)
+            self.rows.append(self._row(heard_us))
 
     def _row(self, now_us: int) -> Row:
         pose, wheels = self._pose.young(now_us, YOUNG_S), self._wheels.young(now_us, YOUNG_S)
@@ -244,9 +264,9 @@ class RobotView:
         mpc: lcmtypes.mpc_state_t | None,
         sampler: lcmtypes.sampler_state_t | None,
     ) -> str:
-        heard_us = max((stream.heard_us for stream in self._streams.values()), default=0)
-        if now_us - heard_us > REPLAY_MEMORY_S * US_PER_S:
-            return f"nothing heard for {(now_us - heard_us) / US_PER_S:.0f} s"
+        silent_us = now_us - (self._heard_us or 0)
+        if silent_us > REPLAY_MEMORY_S * US_PER_S:
+            return f"nothing heard for {silent_us / US_PER_S:.0f} s"
         before = "replay: " if self.replayed(now_us) else ""
         if status is not None and (held := words.held_by(status)) is not None:
             return f"{before}stopped: {held}; it stands until it is released"
@@ -269,16 +289,16 @@ class RobotView:
         over = words.excused(entries, at_rest=at_rest)
         return words.stale(list(self._streams.values()), self.config, over, now_us)
 
-    def _cached_tables(
-        self, now_us: int, entries: list[Entry], stale: list[tuple[Stream, float]]
-    ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    def _tables_at(self, now_us: int) -> _Tables:
         made = self._tables
-        if made is None or not 0 <= now_us - made[0] < TABLES_S * US_PER_S:
+        if made is None or not 0 <= now_us - made.now_us < TABLES_S * US_PER_S:
+            entries = self.entries(now_us)
+            stale = self._stale(now_us, entries)
             names = {stream.name for stream, _ in stale}
-            streams = sorted(self._streams.values(), key=lambda stream: stream.name)
             flows = [
                 flow_row(stream.flow(now_us, self.config)) | {"stale": stream.name in names}
-                for stream in streams
+                for stream in sorted(self._streams.values(), key=lambda stream: stream.name)
             ]
-            made = self._tables = now_us, flows, [entry_row(entry) for entry in entries]
-        return made[1], made[2]
+            rows = [entry_row(entry) for entry in entries]
+            made = self._tables = _Tables(now_us, entries, stale, flows, rows)
+        return made

@@ -9,8 +9,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Coroutine
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from starlette.applications import Starlette
 from starlette.requests import Request as HttpRequest
@@ -20,6 +22,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from koopman_lab.errors import LabError
+from offboard.orders import WAIT_S
 from offboard.viewer.desk import Desk
 from offboard.viewer.guard import Guard
 from offboard.viewer.request import LARGEST_BYTES, RequestError, parse_request
@@ -27,8 +30,6 @@ from offboard.viewer.state import Marks
 
 PAGE = Path(__file__).parent / "page"
 SNAPSHOT_S = 0.05
-DRAINS = 4
-"""The bus is emptied so often between two snapshots."""
 MOST_CLIENTS = 32
 BAD_DATA, POLICY, TOO_MANY = 1003, 1008, 1013
 """Reasons for closing, as RFC 6455 and its registry number them."""
@@ -83,15 +84,11 @@ class Server:
                 await work
 
     async def _work(self) -> None:
-        """Empty the bus, and several times less often let everybody have a new snapshot."""
-        step_s, clock = SNAPSHOT_S / DRAINS, asyncio.get_running_loop().time
+        """Again and again empty the bus, and let everybody have a snapshot of what it brought."""
+        clock = asyncio.get_running_loop().time
         due_s = clock()
         while True:
-            for _ in range(DRAINS):
-                self._desk.work()
-                # Absolute, so that work does not add up; what is late is skipped, never caught up.
-                due_s = max(due_s + step_s, clock())
-                await asyncio.sleep(due_s - clock())
+            self._desk.work()
             if self._clients:
                 now_us = self._desk.now_us()
                 robots = json.dumps(self._desk.view.snapshot(now_us), allow_nan=False)
@@ -99,6 +96,15 @@ class Server:
                 self._texts.clear()
             self._tick.set()
             self._tick = asyncio.Event()
+            # Absolute, so that work does not add up; what is late is skipped, never caught up.
+            due_s = max(due_s + SNAPSHOT_S, clock())
+            await asyncio.sleep(due_s - clock())
+
+    async def _insist(self) -> None:
+        """Say orders again more often than there are snapshots, as long as one is not obeyed."""
+        while self._desk.ordering:
+            await asyncio.sleep(WAIT_S)
+            self._desk.work()
 
     async def _page(self, request: HttpRequest) -> Response:
         objection = self._guard.objection(request.headers, request.query_params)
@@ -153,23 +159,29 @@ class Server:
                 await socket.close(BAD_DATA)
                 return
             try:
-                self._desk.ask(
-                    parse_request(text), socket, lambda good, said: self._reply(socket, good, said)
-                )
+                request = parse_request(text)
             except RequestError as error:
                 self._refused(str(error))
                 await socket.close(POLICY)
                 return
+            reply = partial(self._reply, socket, request.robot)
+            try:
+                self._desk.ask(request, socket, reply)
+                self._keep(self._insist())
             except LabError as error:
                 self._refused(str(error))
-                self._reply(socket, False, str(error))
+                reply(False, str(error))
 
-    def _reply(self, socket: WebSocket, good: bool, said: str) -> None:
+    def _reply(self, socket: WebSocket, robot: str, good: bool, said: str) -> None:
         async def send() -> None:
             with contextlib.suppress(WebSocketDisconnect, RuntimeError):
-                await socket.send_text(json.dumps({"good": good, "said": said}))
+                await socket.send_text(json.dumps({"robot": robot, "good": good, "said": said}))
 
-        task = asyncio.get_running_loop().create_task(send())
+        self._keep(send())
+
+    def _keep(self, work: Coroutine[Any, Any, None]) -> None:
+        """Let it run beside everything else."""
+        task = asyncio.get_running_loop().create_task(work)
         self._pending.add(task)
         task.add_done_callback(self._pending.discard)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from array import array
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,16 +71,16 @@ class Stream:
         self.heard_us = 0
         """When the newest message arrived (us)."""
         self._size = 0
-        self._arrivals: deque[int] = deque(maxlen=MOST_ARRIVALS)
+        self._arrivals = array("q", bytes(8 * MOST_ARRIVALS))  # a ring: the oldest is overwritten
         self._counter: SequenceCounter | None = None
         if channel is not None and channel.rate != "event":
             self._counter = SequenceCounter()
 
     def take(self, data: bytes, arrived_us: int) -> None:
         """Take a message that arrived at ``arrived_us``."""
+        self._arrivals[self.count % MOST_ARRIVALS] = arrived_us
         self.count += 1
         self._size, self.heard_us = len(data), arrived_us
-        self._arrivals.append(arrived_us)
         if self._counter is not None and len(data) >= SMALLEST_MESSAGE:
             self._counter.update(peek(data)[1])
 
@@ -90,8 +90,10 @@ class Stream:
 
     def flow(self, now_us: int, config: LabConfig) -> Flow:
         """Return how it flows at ``now_us``."""
-        oldest_us = now_us - WINDOW_S * US_PER_S
-        steps = np.diff([at_us for at_us in self._arrivals if at_us >= oldest_us])
+        arrivals = np.frombuffer(self._arrivals, np.int64)[: self.count]
+        if self.count > MOST_ARRIVALS:
+            arrivals = np.roll(arrivals, -(self.count % MOST_ARRIVALS))
+        steps = np.diff(arrivals[arrivals >= now_us - WINDOW_S * US_PER_S])
         span_us = int(steps.sum())
         return Flow(
             self.name,

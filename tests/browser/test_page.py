@@ -12,9 +12,10 @@ import pytest
 from klab import KLAB, MODEL, REFERENCE, start_klab
 from playwright.sync_api import Error, expect, sync_playwright
 
-from koopman_lab.bus.channels import ENCODER, ESTOP, HEARTBEATS, MOTOR_CMD
+from koopman_lab.bus.channels import ESTOP, HEARTBEATS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
+from offboard.console.wheels import Wheels
 
 FLAGS = [
     *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"),
@@ -22,11 +23,10 @@ FLAGS = [
 ]
 PATIENCE_MS = 60_000
 MOST_TRIES = 600
-MOST_MESSAGES = 10_000
-"""Of the wheels: 200 a second, and to start a controller takes a while."""
 WAIT_S = 0.05
 ROBOT = "R2"
 """The log in tests/data/reference is of R1, so that a replay of it may share the bus."""
+SECOND = "R3"
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +159,9 @@ def test_a_replay_beside_a_robot_is_marked_and_cannot_be_steered(browser, lab):
         stops = []
         bus.subscribe(ESTOP, stops.append)
         page.keyboard.press("Space")
-        expect(page.locator("#said")).to_have_text(f"{ROBOT}: STOP confirmed", timeout=PATIENCE_MS)
+        expect(page.locator("#said")).to_contain_text(
+            f"{ROBOT}: STOP confirmed", timeout=PATIENCE_MS
+        )
         while bus.spin(0.0):
             pass
         assert stops
@@ -171,52 +173,51 @@ def test_a_replay_beside_a_robot_is_marked_and_cannot_be_steered(browser, lab):
         replay.wait(timeout=60)
     page.locator("#arm").press("Enter")
     page.locator("#release").press("Enter")
-    expect(page.locator("#said")).to_have_text(f"{ROBOT}: release confirmed", timeout=PATIENCE_MS)
+    expect(page.locator("#said")).to_contain_text(
+        f"{ROBOT}: release confirmed", timeout=PATIENCE_MS
+    )
 
 
-class Wheels:
-    """When the motors were at zero, and when both encoders stood still."""
+@pytest.fixture
+def second(tmp_path):
+    """Bring another robot up beside the first."""
+    process = start_klab("up", "--robot-name", SECOND, "--out", tmp_path / "up")
+    yield SECOND
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=60)
 
-    def __init__(self, bus):
-        self._bus = bus
-        self._duties, self._counts = [], []
-        bus.subscribe(MOTOR_CMD, self._duties.append)
-        bus.subscribe(ENCODER, self._counts.append)
 
-    def turn(self):
-        """Wait until they do."""
-        self._until(lambda: len(self._counts) > 1 and not self._same(*self._counts[-2:]))
+def test_two_robots_stop_together_and_are_released_one_by_one(browser, lab, second):
+    address, _ = lab
+    page = opened(browser, address)
+    line, said = page.locator("#line"), page.locator("#said")
 
-    def stop_after(self, pressed_us):
-        """Return how long after a moment (us) the motors were at zero, and the wheels stood."""
-        self._until(
-            lambda: (
-                len(self._counts) > 1
-                and self._counts[-2].utime > pressed_us
-                and self._same(*self._counts[-2:])
-            )
-        )
-        stood_us = self._counts[-2].utime
-        zero_us = next(
-            duty.utime
-            for duty in self._duties
-            if duty.utime > pressed_us and duty.left_duty == duty.right_duty == 0.0
-        )
-        return zero_us - pressed_us, stood_us - pressed_us
+    def choose(name):
+        page.locator(f"input[value={name}]").check(timeout=PATIENCE_MS)
 
-    def _until(self, condition):
-        for _ in range(MOST_MESSAGES):
-            while self._bus.spin(0.0):
-                pass
-            if condition():
-                return
-            self._bus.spin(WAIT_S)
-        pytest.fail("the wheels never did")
+    def release(name):
+        choose(name)
+        page.locator("#arm").press("Enter")
+        expect(page.locator("#release")).to_have_text(f"Confirm release of {name}")
+        page.locator("#release").press("Enter")
+        expect(said).to_contain_text(f"{name}: release confirmed", timeout=PATIENCE_MS)
 
-    @staticmethod
-    def _same(before, after):
-        """Return whether neither counter moved: what the motor loop takes for standing."""
-        return (before.left_count, before.right_count) == (after.left_count, after.right_count)
+    for name in (second, ROBOT):
+        choose(name)
+        expect(line).to_have_text(f"{name}: at rest, nobody commands it", timeout=PATIENCE_MS)
+        expect(page.locator("#channels")).to_contain_text(f"{name}_MOCAP_POSE")
+    page.keyboard.press("Space")
+    # Each robot's answer has a line of its own.
+    for name in (second, ROBOT):
+        expect(said).to_contain_text(f"{name}: STOP confirmed", timeout=PATIENCE_MS)
+    for name in (second, ROBOT):
+        choose(name)
+        expect(line).to_contain_text(f"{name}: stopped: emergency stop", timeout=PATIENCE_MS)
+    release(second)
+    expect(line).to_have_text(f"{second}: at rest, nobody commands it", timeout=PATIENCE_MS)
+    choose(ROBOT)
+    expect(line).to_contain_text(f"{ROBOT}: stopped: emergency stop", timeout=PATIENCE_MS)
+    release(ROBOT)
 
 
 def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(browser, lab):
@@ -259,10 +260,12 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(browser
         wheels.turn()
         page.keyboard.press("Space")
         by_key = wheels.stop_after(page.evaluate("window.pressed") * 1000)
-        expect(page.locator("#said")).to_have_text(f"{ROBOT}: STOP confirmed", timeout=PATIENCE_MS)
+        expect(page.locator("#said")).to_contain_text(
+            f"{ROBOT}: STOP confirmed", timeout=PATIENCE_MS
+        )
         page.locator("#arm").press("Enter")
         page.locator("#release").press("Enter")
-        expect(page.locator("#said")).to_have_text(
+        expect(page.locator("#said")).to_contain_text(
             f"{ROBOT}: release confirmed", timeout=PATIENCE_MS
         )
     finally:
@@ -278,7 +281,7 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(browser
         controller.send_signal(signal.SIGINT)
         controller.communicate(timeout=60)
     for zero_us, stood_us in (by_key, by_button):
-        # In order; how soon, is shown by `klab bench stop` and tests/onboard/test_emergency_stop.py.
+        # In order; how soon, `klab bench stop` and tests/onboard/test_emergency_stop.py show.
         assert 0 <= zero_us <= stood_us
     pids = []
     bus.subscribe(HEARTBEATS["plant"], lambda beat: pids.append(beat.pid))

@@ -246,7 +246,7 @@ def test_doctor_is_content_here():
     ]
     + ["log info", "log plot", "log export", "figure samples"]
     + [f"bench {what}" for what in ("lockstep", "motor", "faults", "dataset", "realtime", "logger")]
-    + ["bench view"]
+    + ["bench view", "bench stop"]
     + [f"dataset {what}" for what in ("make", "info", "export", "import", "sweep")]
     + [f"run {node}" for node in ("plant", "onboard", "logger", "sampler", "controller")],
 )

@@ -51,7 +51,7 @@ ELSEWHERE = {
     "not shortened yet, or asks more than a short session has: tests/console, tests/studies": (
         *("klab bench view", "klab bench faults", "klab bench realtime", "klab bench ocp"),
         *("klab bench parks", "klab bench logger", "klab bench dataset", "klab bench edmd"),
-        *("klab study", "klab reproduce", "klab dataset needed"),
+        *("klab bench stop", "klab study", "klab reproduce", "klab dataset needed"),
     ),
     "would run this test within itself, or needs a screen or a whole reproduction": ("./scripts/",),
 }

@@ -83,15 +83,22 @@ class Bench:
         return pytest.fail("no answer")
 
 
-@pytest.fixture(scope="module")
-def served():
+@contextmanager
+def serving(*arguments):
+    """Run the server; give its process and the address that it prints."""
     process = subprocess.Popen(
-        [*KLAB, "view", "--set", URL, "--port", "0"], stderr=subprocess.PIPE, text=True
+        [*KLAB, "view", "--set", URL, "--port", "0", *arguments], stderr=subprocess.PIPE, text=True
     )
     yield process, re.search(r"http://\S+", process.stderr.readline()).group()
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=LIMIT_S)
     assert process.returncode == 130
+
+
+@pytest.fixture(scope="module")
+def served():
+    with serving() as found:
+        yield found
 
 
 @pytest.fixture
@@ -118,6 +125,24 @@ def test_the_page_is_served_whole_and_nobody_elses_page_may_use_it(bench):
     assert "refused: origin 'http://evil.example'" in bench.process.stderr.readline()
 
 
+def test_from_outside_only_the_printed_token_opens_page_and_socket():
+    with serving("--host", "0.0.0.0") as (process, printed):
+        address, token = re.fullmatch(r"http://[^:]+(:\d+/)\?token=(\S+)", printed).groups()
+        for wrong in ("", "?token=", f"?token={token}x", f"?token={token.swapcase()}"):
+            with pytest.raises(urllib.error.HTTPError, match="403"):
+                urllib.request.urlopen(f"http://127.0.0.1{address}{wrong}")
+            with pytest.raises(InvalidStatus, match="403"):
+                connect(f"ws://127.0.0.1{address}ws{wrong}")
+            for _ in range(2):
+                said = process.stderr.readline()
+                assert said == "refused: the address lacks the token that `klab view` printed\n"
+                assert token not in said
+        with urllib.request.urlopen(f"http://127.0.0.1{address}?token={token}") as answer:
+            assert "klab view" in answer.read().decode()
+        with connect(f"ws://127.0.0.1{address}ws?token={token}", max_size=None) as socket:
+            assert "robots" in json.loads(socket.recv(LIMIT_S))
+
+
 @pytest.mark.parametrize("frame", ["garbage", b"bytes", "x" * 100_000, '{"do": "goal"}'])
 def test_a_client_that_sends_nonsense_is_put_out_and_nothing_moves(bench, frame):
     with bench.page() as other, bench.page() as socket:
@@ -133,7 +158,8 @@ def test_a_client_that_sends_nonsense_is_put_out_and_nothing_moves(bench, frame)
 def test_stop_goes_out_until_it_is_obeyed_and_release_takes_two_steps(bench):
     with bench.page() as socket:
         bench.until(socket, lambda robot: robot["steerable"])
-        assert bench.ask(socket, do="stop") == {"good": True, "said": "R1: STOP confirmed"}
+        stopped = bench.ask(socket, do="stop")
+        assert stopped == {"robot": "R1", "good": True, "said": "R1: STOP confirmed"}
         bench.until(socket, lambda robot: robot["stopped"])
         refused = bench.ask(socket, do="release")
         assert (refused["good"], refused["said"]) == (
@@ -141,7 +167,8 @@ def test_stop_goes_out_until_it_is_obeyed_and_release_takes_two_steps(bench):
             "R1: releasing takes two steps; begin again",
         )
         assert bench.ask(socket, do="arm")["good"]
-        assert bench.ask(socket, do="release") == {"good": True, "said": "R1: release confirmed"}
+        released = bench.ask(socket, do="release")
+        assert released == {"robot": "R1", "good": True, "said": "R1: release confirmed"}
         bench.until(socket, lambda robot: not robot["stopped"])
 
 

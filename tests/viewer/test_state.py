@@ -11,6 +11,7 @@ from koopman_lab.bus import channels
 from koopman_lab.config.load import load_config
 from koopman_lab.data.eventlog import read_events
 from offboard.viewer.json_values import number
+from offboard.viewer.robot import ROW_S
 from offboard.viewer.state import LabView
 
 REFERENCE = Path(__file__).parents[1] / "data" / "reference"
@@ -71,7 +72,7 @@ def test_the_rows_of_a_park_hold_what_the_plots_draw(park):
     view, _ = park
     news, marks = view.histories(())
     rows = news["R1"]["rows"]["items"]
-    assert len(rows) == pytest.approx(5.0 / 0.05, rel=0.1)
+    assert len(rows) == pytest.approx(5.0 / ROW_S, rel=0.1)
     steps = [
         (number(state.value_function), number(state.solve_ms), number(state.state_in_goal_frame[1]))
         for state in recorded("park.lcm", channels.MPC_STATE)
@@ -205,6 +206,15 @@ def test_who_was_stopped_on_purpose_is_not_missed():
     assert robot["processes"][0]["state"] == "finished"
 
 
+def test_what_a_person_says_to_a_robot_is_no_sign_of_the_robot():
+    view, now_us = seen("park.lcm")
+    stop, late_us = lcmtypes.estop_t(), now_us + 10_000_000
+    stop.utime, stop.engaged = late_us, True
+    assert view.snapshot(now_us)["R1"]["steerable"]
+    view.take("R1_ESTOP", stop.encode(), late_us)
+    assert not view.snapshot(late_us)["R1"]["steerable"]
+
+
 def test_a_reference_run_is_what_the_lab_is_doing():
     view = LabView(load_config())
     state = lcmtypes.reference_state_t()
@@ -242,7 +252,7 @@ def test_nonsense_on_the_bus_is_passed_over_and_never_breaks_the_snapshot():
 def test_memory_stays_bounded_however_long_the_lab_runs():
     view = LabView(load_config())
     pose = lcmtypes.mocap_pose_t().encode()
-    for k in range(5000):
+    for k in range(5001):  # each but the first ends a row
         view.take("R1_MOCAP_POSE", pose, k * 50_000)
     rows = view.histories(())[0]["R1"]["rows"]
     assert (rows["first"], rows["begin"], len(rows["items"])) == (2600, 2600, 2400)

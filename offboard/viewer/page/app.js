@@ -13,6 +13,7 @@ const ARMED_MS = 10000;
 let socket = null, robots = {}, selected = null, heardAt = 0, lost = "connecting to klab view";
 let spoken = "", warned = "", later = [], snapshotUs = 0, fresh = false, slowAt = 0, armed = null;
 const kept = new Map(); // by robot: rows of the plots, segments, and the numbers of the oldest
+const answers = new Map(); // by robot
 const floor = new Floor(get("floor"), (x1, x2, theta) => {
   const goal = robots[selected]?.goal;
   sendGoal(x1, x2, theta ?? goal?.[2] ?? 0);
@@ -30,7 +31,7 @@ function connect() {
 }
 
 function take(message) {
-  if ("said" in message) return say(message.said, message.good);
+  if ("said" in message) return say(message.said, message.good, message.robot);
   heardAt = performance.now();
   robots = message.robots;
   snapshotUs = message.now_us;
@@ -46,9 +47,18 @@ function take(message) {
   fresh = true;
 }
 
-function say(text, good = true) {
-  get("said").textContent = text;
-  get("said").classList.toggle("bad", !good);
+// Of what was done last: one line for each robot, so that none hides another's.
+function say(text, good = true, robot = "") {
+  if (robot) answers.delete(""); else answers.clear();
+  answers.set(robot, { text, good });
+  const place = get("said");
+  const lines = [...answers.values()];
+  while (place.children.length > lines.length) place.lastChild.remove();
+  lines.forEach((line, i) => {
+    const shown = place.children[i] ?? place.appendChild(document.createElement("p"));
+    if (shown.textContent !== line.text) shown.textContent = line.text;
+    shown.classList.toggle("bad", !line.good);
+  });
 }
 
 function send(request) {
@@ -229,7 +239,7 @@ function floorAgain() {
   if (performance.now() > slowAt) {
     slowAt = performance.now() + SLOW_MS;
     slow(robot, mine);
-    text("lag", `From the newest pose to this picture: ${lag.toFixed(0)} ms by this machine's clock.`);
+    text("lag", `From the camera to this picture: ${lag.toFixed(0)} ms by this machine's clock.`);
   }
 }
 
