@@ -63,9 +63,12 @@ def lockstep(
 
     out.print(
         f"{lab_config.robot.kind} robot, preset {preset.value}, {seconds:g} s of virtual time in "
-        f"chunks of {CHUNK_S:g} s: {factors['median']:.0f} times real time "
-        f"(99 % of the chunks at least {factors['p99']:.0f} times; by CPU time "
-        f"{factors['cpu_median']:.0f} times)"
+        f"chunks of {CHUNK_S:g} s: {factors['median']:.0f} times real time, by CPU time "
+        f"{factors['cpu_median']:.0f} times"
+    )
+    out.print(
+        f"noise: the best chunk {factors['best']:.0f} times, 99 % of the chunks at least "
+        f"{factors['p99']:.0f} times; all chunks do the same work, so the machine makes the rest"
     )
     table = Table("part", title="where the time goes (profiled)")
     table.add_column("share", justify="right")
@@ -87,7 +90,7 @@ def _lab(config: LabConfig) -> tuple[Lockstep, Weaver]:
 
 
 def _factors(lab: Lockstep, seconds: float) -> dict[str, float]:
-    """Return virtual over real time: the median, and what 99 % of the chunks reach."""
+    """Return virtual over real time: the median, the best, and what 99 % of the chunks reach."""
     import time
 
     import numpy as np
@@ -99,8 +102,9 @@ def _factors(lab: Lockstep, seconds: float) -> dict[str, float]:
         wall.append(CHUNK_S / (time.perf_counter() - started))
         cpu.append(CHUNK_S / (time.process_time() - cpu_started))
     lab.close()
-    median, slow = np.percentile(wall, [50.0, 1.0]).tolist()
-    return {"median": median, "p99": slow, "cpu_median": float(np.median(cpu))}
+    slow, median, best = np.percentile(wall, [1.0, 50.0, 100.0]).tolist()
+    cpu_median = float(np.median(cpu))
+    return {"median": median, "best": best, "p99": slow, "cpu_median": cpu_median}
 
 
 def _shares(lab: Lockstep, seconds: float) -> dict[str, float]:
