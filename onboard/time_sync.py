@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from functools import partial
+from operator import attrgetter
 from typing import NamedTuple
 
 from koopman_lab.bus.clock import PPM
@@ -38,6 +40,9 @@ class _Sample:
     offset_us: float
     error_us: float
     round_trip_us: int
+
+
+_error = attrgetter("error_us")
 
 
 class TimeSync:
@@ -96,7 +101,7 @@ class TimeSync:
         while sample.at_us - self._samples[0].at_us > self._window_us:
             self._samples.popleft()
         self._estimate_drift()
-        self._anchor = min(self._samples, key=lambda s: self._error_us(s, arrived))
+        self._anchor = min(self._samples, key=partial(self._error_us, board_us=arrived))
         return True
 
     def offset_us(self, board_us: int) -> int:
@@ -143,8 +148,9 @@ class TimeSync:
         self.drift, self.drift_error = 0.0, limit
         first_us, last_us = self._samples[0].at_us, self._samples[-1].at_us
         third_us = (last_us - first_us) / 3.0
-        early = min((s for s in self._samples if s.at_us <= first_us + third_us), key=_error)
-        late = min((s for s in self._samples if s.at_us >= last_us - third_us), key=_error)
+        early_us, late_us = first_us + third_us, last_us - third_us
+        early = min([s for s in self._samples if s.at_us <= early_us], key=_error)
+        late = min([s for s in self._samples if s.at_us >= late_us], key=_error)
         apart_us = late.at_us - early.at_us
         error_us = late.error_us + early.error_us
         if error_us >= limit * apart_us:
@@ -154,7 +160,3 @@ class TimeSync:
         self.drift = max(-limit, min(limit, slope))
         low, high = max(-limit, slope - error), min(limit, slope + error)
         self.drift_error = max(high - self.drift, self.drift - low)
-
-
-def _error(sample: _Sample) -> float:
-    return sample.error_us
