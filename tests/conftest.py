@@ -27,6 +27,11 @@ settings.register_profile("lab", deadline=None)
 settings.load_profile("lab")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the longest file, so that the others run beside it and not before it."""
+    items.sort(key=lambda item: item.path.name != "test_blocks.py")
+
+
 def pytest_unconfigure() -> None:
     """Remove what the run compiled."""
     if _CACHE is not None:

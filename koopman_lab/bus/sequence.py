@@ -15,6 +15,8 @@ SMALLEST_MESSAGE = _HEADER.size
 
 LATEST = 64
 """A message that so many have overtaken counts as lost."""
+MOST_OTHERS = 7
+"""Publishers of one stream beside the newest; one more, and the oldest is forgotten."""
 
 
 peek: Callable[[bytes], tuple[int, int]] = _HEADER.unpack_from
@@ -31,13 +33,19 @@ class SequenceCounter:
     """Counts missing messages of one stream.
 
     A message that was overtaken is missing until it comes; the newest number once more is a
-    repetition; any other number lower than expected is a publisher that started again.
+    repetition; any other number lower than expected is a publisher that started, again or beside
+    the one before. Where several speak, as the loggers of two commands do, a number belongs to the
+    publisher that it follows most closely.
     """
 
     def __init__(self) -> None:
         self.lost = 0
         self.restarts = 0
+        self.publisher = 0
+        """Whose the newest message was: how many had started before that one."""
         self._next: int | None = None
+        self._others: list[tuple[int, int]] = []
+        """What each of the others would say next, and who it is; the newest last."""
         self._missing: set[int] = set()
 
     def update(self, sequence: int) -> int:
@@ -49,6 +57,8 @@ class SequenceCounter:
             self._missing.discard(sequence)
             self.lost -= 1
             return 0
+        if self._others:
+            self._turn_to_closest(sequence)
         expected = sequence if self._next is None else self._next
         if sequence == expected - 1:
             return 0
@@ -58,8 +68,23 @@ class SequenceCounter:
             self._missing = {number for number in self._missing if number >= oldest}
             self._missing.update(range(max(expected, oldest), sequence))
         elif sequence < expected:
+            self._others = [*self._others[-MOST_OTHERS + 1 :], (expected, self.publisher)]
             self.restarts += 1
+            self.publisher = self.restarts
             self._missing.clear()
         self._next = sequence + 1
         self.lost += gap
         return gap
+
+    def _turn_to_closest(self, sequence: int) -> None:
+        """Make that publisher the present one whose next number is closest below, or this."""
+        assert self._next is not None
+        present = self._next, self.publisher
+        able = [other for other in (*self._others, present) if other[0] - 1 <= sequence]
+        if not able:
+            return
+        closest = max(able)
+        if closest != present:
+            self._others = [other for other in self._others if other != closest]
+            self._others.append(present)
+            self._next, self.publisher = closest

@@ -275,16 +275,16 @@ def _clock_jumps_us(times: NDArray[np.int64], sequence: NDArray[np.int64]) -> in
 
 
 def _missing(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the size of each gap, of each publisher on its own if it started again."""
+    """Return the size of each gap, of each publisher on its own if there are several."""
     sequence = _without_slips(sequence)
     if np.all(np.diff(sequence) > 0):
         publishers = [sequence]
     else:
-        counter, starts = SequenceCounter(), []
+        counter, spoke = SequenceCounter(), []
         for number in sequence.tolist():
             counter.update(number)
-            starts.append(counter.restarts)
-        publisher = np.array(starts)
+            spoke.append(counter.publisher)
+        publisher = np.array(spoke)
         publishers = [np.unique(sequence[publisher == k]) for k in range(counter.restarts + 1)]
     missing = np.concatenate([np.diff(numbers) for numbers in publishers]) - 1
     return missing[missing > 0]

@@ -99,7 +99,12 @@ def opened(source: Path, kind: RobotKind | None) -> tuple[DataSet, str]:
 
 
 def trained(
-    recipes: dict[str, Recipe], dataset: DataSet, dictionary: str, seed: int | None, how: How
+    recipes: dict[str, Recipe],
+    dataset: DataSet,
+    dictionary: str,
+    overrides: Sequence[str] | None,
+    seed: int | None,
+    how: How,
 ) -> list[Case]:
     """Return a case for each model, trained into the study's folder or refused.
 
@@ -112,7 +117,7 @@ def trained(
     from koopman_lab.studies.parking import Case
 
     kind = dataset.robot_kind
-    wanted = [f"controller.dt_s={dataset.dt_s}"]
+    wanted = [f"controller.dt_s={dataset.dt_s}", *(overrides or ())]
     lab = options.resolve(None, wanted, kind, seed=seed)
     goes_on = how.resume and (how.folder / "study.json").exists()
     cases = []

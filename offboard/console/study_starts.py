@@ -136,6 +136,7 @@ def data_efficiency(
     chunk: Chunk = 5,
     dask: Dask = None,
     resume: Resume = False,
+    overrides: options.Overrides = None,
     folder: options.Out = None,
 ) -> None:
     """Park with models of 5, 10, ... 2000 and all samples per basis input (section 6).
@@ -157,7 +158,7 @@ def data_efficiency(
             continue
         dataset, dictionary = opened(source, kind)
         recipes = {f"{kind}-{label}": recipe for label, recipe in by_count().items()}
-        cases += trained(recipes, dataset, dictionary, seed, how)
+        cases += trained(recipes, dataset, dictionary, overrides, seed, how)
         facts[f"data_{kind}"] = dataset.data_hash
     run("data-efficiency", cases, how, facts)
 
@@ -171,6 +172,7 @@ def combination(
     dask: Dask = None,
     resume: Resume = False,
     dictionary: options.Dictionary = None,
+    overrides: options.Overrides = None,
     folder: options.Out = None,
 ) -> None:
     """Park with models that combine inputs as the paper does, and by their generators.
@@ -185,7 +187,7 @@ def combination(
         "generator": Recipe(method=Method(combination="generator")),
     }
     how = how_to_run("combination", folder, runs, chunk, resume, workers, dask)
-    _methods("combination", recipes, source, dictionary, seed, how)
+    _methods("combination", recipes, source, dictionary, overrides, seed, how)
 
 
 def fit(
@@ -197,6 +199,7 @@ def fit(
     dask: Dask = None,
     resume: Resume = False,
     dictionary: options.Dictionary = None,
+    overrides: options.Overrides = None,
     folder: options.Out = None,
 ) -> None:
     """Park with models of plain, noise-aware and symmetric fits.
@@ -208,7 +211,7 @@ def fit(
 
     recipes = {name: Recipe(method=METHODS[name]) for name in ("plain", "noise-aware", "symmetric")}
     how = how_to_run("fit", folder, runs, chunk, resume, workers, dask)
-    _methods("fit", recipes, source, dictionary, seed, how)
+    _methods("fit", recipes, source, dictionary, overrides, seed, how)
 
 
 COMMANDS = (kinematic_parking, dynamic_parking, data_efficiency, horizon, combination, fit)
@@ -234,9 +237,10 @@ def _methods(
     recipes: dict[str, Recipe],
     source: Path,
     dictionary: str | None,
+    overrides: Sequence[str] | None,
     seed: int | None,
     how: How,
 ) -> None:
     dataset, own = opened(source, None)
-    cases = trained(recipes, dataset, dictionary or own, seed, how)
+    cases = trained(recipes, dataset, dictionary or own, overrides, seed, how)
     run(name, cases, how, {"data": dataset.data_hash})

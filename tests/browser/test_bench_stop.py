@@ -3,7 +3,7 @@
 from klab import klab_json
 
 
-def test_both_ways_of_stopping_are_timed_from_the_press(bus_url, tmp_path):
+def test_both_ways_of_stopping_are_timed_from_the_press(tmp_path):
     stops = klab_json("bench", "stop", "--presses", "2", "--out", tmp_path / "stop")
     assert [one["by"] for one in stops] == ["space bar", "button"]
     for one in stops:

@@ -68,6 +68,25 @@ def test_a_publisher_that_starts_again_is_no_loss():
     assert [counter.update(n) for n in (7, 8, 0, 1, 4)] == [0, 0, 0, 0, 2]
 
 
+@given(
+    st.lists(st.tuples(st.sampled_from(["older", "younger"]), st.booleans()), max_size=200),
+    st.integers(300, 1000),
+)
+def test_two_that_speak_at_once_miss_only_what_is_lost(story, ahead):
+    counter, said = SequenceCounter(), {"older": ahead, "younger": 1}
+    for sequence in (ahead - 1, 0):
+        counter.update(sequence)
+    lost, unnoticed = 0, {"older": 0, "younger": 0}
+    for who, arrives in story:
+        if arrives:
+            counter.update(said[who])
+            lost, unnoticed[who] = lost + unnoticed[who], 0
+        else:
+            unnoticed[who] += 1
+        said[who] += 1
+    assert (counter.lost, counter.restarts) == (lost, 1)
+
+
 @given(st.permutations(range(10)), st.integers(1, 1000))
 def test_what_was_overtaken_or_came_twice_is_no_loss(order, start):
     counter = SequenceCounter()

@@ -91,3 +91,23 @@ def test_bench_parks_counts_where_the_robot_truly_stands():
         assert row["x2_median_mm"] <= row["x2_max_mm"]
     again = klab_json("bench", "parks", "--model", MODEL, "--runs", "2", *short)
     assert again == rows
+
+
+def test_bench_view_counts_what_the_page_costs_and_that_nothing_is_lost(tmp_path):
+    short = ("--minutes", "0.1", "--clients", "3")
+    found = klab_json("bench", "view", *short, "--out", tmp_path / "view")
+    assert 0.0 < found["cpu_share"] < 1.0
+    assert all(20.0 < mb < 500.0 for mb in found["memory_mb"])
+    assert found["lost"] == 0
+    assert found["messages"] > 1000
+    p50, p99, longest = found["snapshot_ms"]
+    assert 0.0 < p50 <= p99 <= longest
+
+
+def test_bench_realtime_shows_motor_loop_and_machine_side_by_side(tmp_path):
+    found = klab_json("bench", "realtime", "--minutes", "0.05", "--out", tmp_path / "run")
+    for name in ("onboard", "pacer"):
+        row = found[name]
+        assert row["ticks"] + row["missed"] >= 300
+        assert row["missed_share"] == pytest.approx(row["missed"] / (row["ticks"] + row["missed"]))
+        assert 0.0 < row["period_p50_ms"] <= row["period_p99_ms"] <= row["period_max_ms"]

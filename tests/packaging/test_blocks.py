@@ -20,6 +20,11 @@ LINES = [
     if (words := shlex.split(line, comments=True))
 ]
 
+ONE_RUN = ("--runs", "1", "--workers", "1")
+NEAR = ("--set", "controller.horizon=5")
+UNCOMPILED = ("kinematic-parking", "dynamic-parking", "data-efficiency", "combination", "fit")
+"""Studies of many problems: to compile each takes longer than to solve it once without."""
+
 SHORTER = {
     "klab calibrate --robot kinematic": ("--segments", "8", *SHORT_RUNS),
     "klab calibrate --robot dynamic --lockstep --segments 30 --seed 3": (
@@ -32,10 +37,16 @@ SHORTER = {
     "klab compare": ("--set", "controller.horizon=10", "--set", "controller.time_limit_s=1"),
     "klab simulate": ("--set", "controller.horizon=10", "--duration", "1"),
     "klab bench lockstep": ("--seconds", "2"),
+    "klab study weights": ("--factors", "1", "--duration", "1"),
+    **{f"klab study {name}": (*ONE_RUN, *NEAR) for name in UNCOMPILED},
+    "klab study horizon": ONE_RUN,
 }
 """What the test adds to a command that begins so: the same command, on less."""
 
-NO_BUS = ("klab simulate", "klab bench motor", "klab bench lockstep")
+NO_BUS = (
+    *("klab simulate", "klab study", "klab bench motor", "klab bench lockstep"),
+    "klab bench dataset",
+)
 """Commands that need no bus and no other process, beside those of ALONE."""
 
 ELSEWHERE = {
@@ -48,10 +59,19 @@ ELSEWHERE = {
     "a cost that need not park the robot in time: tests/console/test_lab_runs.py": (
         "klab park --robot dynamic --model runs/dynamic.npz --cost ce",
     ),
-    "not shortened yet, or asks more than a short session has: tests/console, tests/studies": (
-        *("klab bench view", "klab bench faults", "klab bench realtime", "klab bench ocp"),
-        *("klab bench parks", "klab bench logger", "klab bench dataset", "klab bench edmd"),
-        *("klab bench stop", "klab study", "klab reproduce", "klab dataset needed"),
+    "on less, with what it prints looked at: tests/console/test_bench.py, test_fault_table.py": (
+        *("klab bench faults", "klab bench realtime", "klab bench ocp", "klab bench parks"),
+        *("klab bench logger", "klab bench edmd", "klab bench view"),
+    ),
+    "in a browser: tests/browser/test_bench_stop.py": ("klab bench stop",),
+    "on a cluster: tests/studies/test_study_survives.py": (
+        "klab study dynamic-parking --model runs/dynamic.npz --dask",
+    ),
+    "asks for longer runs than a short session has: tests/koopman/test_needed.py": (
+        "klab dataset needed",
+    ),
+    "minutes at its shortest; its steps one by one: tests/console/test_reproduce.py": (
+        "klab reproduce",
     ),
     "would run this test within itself, or needs a screen or a whole reproduction": ("./scripts/",),
 }
@@ -83,12 +103,15 @@ def test_no_table_names_what_is_not_there(table):
         assert any(begins(" ".join(words), [beginning]) for words in LINES), beginning
 
 
-def test_each_line_does_its_job_on_what_those_before_it_left(tmp_path):
+def test_each_line_does_its_job_on_what_those_before_it_left(tmp_path, monkeypatch):
     (tmp_path / "runs").mkdir()
     for words in filter(is_run, LINES):
         line = " ".join(words)
         added = [o for beginning, o in SHORTER.items() if line.startswith(beginning)]
-        done = klab(*words[1:], *(added[0] if added else ()), cwd=tmp_path)
+        with monkeypatch.context() as machine:
+            if words[1] == "study" and words[2] in UNCOMPILED:
+                machine.setenv("CC", "no-compiler")
+            done = klab(*words[1:], *(added[0] if added else ()), cwd=tmp_path)
         assert done.returncode == 0, f"{line}\n{done.stderr}"
         for at in (k + 1 for k, word in enumerate(words) if word == "--out"):
             made = tmp_path / words[at]
