@@ -2,7 +2,8 @@
 
 One event queue, ordered by (time, node order, messages before timers, sequence). Messages go
 before timers because the real-time runner, too, drains its socket before it runs what is due.
-Every message is encoded and decoded as on the wire.
+Every message that a node listens to is encoded and decoded as on the wire; one that nobody hears
+is only numbered.
 """
 
 from __future__ import annotations

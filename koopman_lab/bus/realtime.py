@@ -6,7 +6,6 @@ import contextlib
 import gc
 import heapq
 import os
-import re
 import select
 import signal
 import time
@@ -18,11 +17,11 @@ from typing import Any, NamedTuple
 import lcm
 
 from koopman_lab.bus.channels import Channel, M
+from koopman_lab.bus.multicast import drain, open_lcm, subscribe
 from koopman_lab.bus.node import Node, RawHandler
 from koopman_lab.bus.pacing import TickTimes
 from koopman_lab.bus.port import BasePort, Taker
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import BusError
 from koopman_lab.units import US_PER_S
 
 PRIORITY = 10
@@ -30,48 +29,6 @@ PRIORITIES = {"plant": 12, "onboard": 11, "pacer": 11}
 """Among real-time processes, by node: the faster loop goes first, all before ordinary processes."""
 LONGEST_WAIT_S = 0.5
 """A node without timers still looks up this often."""
-
-
-def bus_url(config: LabConfig) -> str:
-    """Return the LCM URL with the receive buffer asked for; without it bursts are lost."""
-    url = config.bus.url
-    if not url.startswith("udpm://") or "recv_buf_size" in url:
-        return url
-    join = "&" if "?" in url else "?"
-    return f"{url}{join}recv_buf_size={config.bus.receive_buffer_bytes}"
-
-
-def open_lcm(config: LabConfig) -> lcm.LCM:
-    """Open the bus.
-
-    Raises
-    ------
-    BusError
-        If LCM cannot be opened; the message says how to make a multicast route.
-    """
-    url = bus_url(config)
-    try:
-        with _quiet():
-            return lcm.LCM(url)
-    except (RuntimeError, ValueError, OSError):
-        raise BusError(
-            f"bus.url {config.bus.url}: LCM cannot open it. Most often there is no route for "
-            "multicast; on one machine this makes one: sudo ip link set lo multicast on && "
-            "sudo ip route add 224.0.0.0/4 dev lo. `klab doctor` looks closer."
-        ) from None
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep LCM's C library from writing a page of its own to standard error."""
-    saved, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
-    try:
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)
-        os.close(nowhere)
 
 
 class Clock:
@@ -130,20 +87,6 @@ class RealtimePort(BasePort):
     def drain(self) -> None:
         """Handle everything that has arrived."""
         drain(self.bus)
-
-
-def subscribe(bus: lcm.LCM, name: str, handler: Callable[[str, bytes], None]) -> None:
-    """Subscribe to exactly one channel with an unlimited queue.
-
-    LCM takes a regular expression, and by default keeps only the oldest 30 messages.
-    """
-    bus.subscribe(f"^{re.escape(name)}$", handler).set_queue_capacity(0)
-
-
-def drain(bus: lcm.LCM) -> None:
-    """Handle everything that has arrived, without waiting."""
-    while bus.handle_timeout(0) > 0:
-        pass
 
 
 class StopSignals:

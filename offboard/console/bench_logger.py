@@ -77,7 +77,8 @@ def measure(
     """
     import lcm
 
-    from koopman_lab.bus.realtime import ask_for_priority, bus_url
+    from koopman_lab.bus.multicast import bus_url
+    from koopman_lab.bus.realtime import ask_for_priority
     from offboard.console.supervisor import start_missing, supervised
 
     theirs = folder.path / "lcm-logger.lcm"

@@ -37,7 +37,7 @@ def replay(
     Example: klab replay runs/calibration --speed 4
     """
     from koopman_lab.bus.channels import robots_of
-    from koopman_lab.bus.realtime import open_lcm
+    from koopman_lab.bus.multicast import open_lcm
     from koopman_lab.bus.replay import replay as send
     from koopman_lab.bus.replay import rhythm
     from koopman_lab.units import US_PER_S

@@ -10,7 +10,8 @@ import pytest
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.realtime import Listener, bus_url, open_lcm
+from koopman_lab.bus.multicast import bus_url, open_lcm
+from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import dump_config, load_config
 from koopman_lab.errors import BusError
 

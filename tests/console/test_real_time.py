@@ -22,7 +22,7 @@ from klab import (
 )
 
 import lcmtypes
-from koopman_lab.bus import realtime
+from koopman_lab.bus import multicast, realtime
 from koopman_lab.bus.channels import CHANNELS, HEARTBEATS, ONBOARD_STATUS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
@@ -175,7 +175,7 @@ def test_session_beside_lcm_logger_replayed_by_lcm_logplayer(bus_url, tmp_path):
     """Both loggers record the same, and a replayed log trains the same model to the last bit."""
     theirs, ours = tmp_path / "theirs.lcm", tmp_path / "session" / "session.lcm"
     # With the receive buffer that our processes ask for, or a busy machine makes it lose some.
-    url = realtime.bus_url(config(bus_url))
+    url = multicast.bus_url(config(bus_url))
     peer = subprocess.Popen(
         [tool("lcm-logger"), f"--lcm-url={url}", "--quiet", str(theirs)],
         stdout=subprocess.DEVNULL,
