@@ -1,5 +1,6 @@
 // The floor from above: sets, segments, trail, prediction, goal, robots to scale.
 const HEADING_M = 0.08; // a shorter drag says where, not which way
+const LINE_PX = 12; // a name higher up would leave the picture
 const MARGIN_M = 0.15;
 
 export class Floor {
@@ -160,9 +161,12 @@ export class Floor {
     if (x === null || y === null || theta === null) return;
     const c = this.context, s = this.scale;
     const half = (s * robot.robot.track_width_m) / 2, wheel = s * robot.robot.wheel_radius_m;
-    c.save(); c.translate(...this.at(x, y));
+    const [px, py] = this.at(x, y);
+    c.save(); c.translate(px, py);
     c.fillStyle = c.strokeStyle = colour; c.lineWidth = 2;
-    c.fillText(name, half + 6, -half);
+    const beside = half + 6, wide = c.measureText(name).width;
+    const right = px + beside + wide < this.size[0];
+    c.fillText(name, right ? beside : -beside - wide, Math.max(-half, LINE_PX - py));
     c.rotate(-theta);
     c.globalAlpha = selected ? 0.3 : 0.12; c.beginPath(); c.arc(0, 0, half, 0, 7); c.fill();
     c.globalAlpha = 1; c.stroke();
