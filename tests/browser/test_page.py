@@ -52,23 +52,31 @@ def lab(tmp_path_factory):
     process.communicate(timeout=60)
 
 
-def opened(browser, address, **settings):
-    """Open the page as soon as it is served."""
-    page = browser.new_context(**settings).new_page()
-    page.set_default_timeout(PATIENCE_MS)
-    for _ in range(MOST_TRIES):
-        with contextlib.suppress(Error):
-            page.goto(address)
-            return page
-        page.wait_for_timeout(WAIT_S * 1e3)
-    return pytest.fail("the page is not served")
+@pytest.fixture
+def opened(browser):
+    """Give what opens a page as soon as it is served; a page left open would go on to draw."""
+    with contextlib.ExitStack() as contexts:
+
+        def open_page(address, **settings):
+            context = browser.new_context(**settings)
+            contexts.callback(context.close)
+            page = context.new_page()
+            page.set_default_timeout(PATIENCE_MS)
+            for _ in range(MOST_TRIES):
+                with contextlib.suppress(Error):
+                    page.goto(address)
+                    return page
+                page.wait_for_timeout(WAIT_S * 1e3)
+            return pytest.fail("the page is not served")
+
+        yield open_page
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_phone_shows_everything_in_reach(browser, lab, scheme):
+def test_a_phone_shows_everything_in_reach(opened, lab, scheme):
     address, _ = lab
     phone = {"width": 360, "height": 740}
-    page = opened(browser, address, viewport=phone, color_scheme=scheme, has_touch=True)
+    page = opened(address, viewport=phone, color_scheme=scheme, has_touch=True)
     expect(page.locator("#line")).to_contain_text(f"{ROBOT}: ", timeout=PATIENCE_MS)
     expect(page.locator("#stop")).to_be_in_viewport()
     assert page.evaluate("document.documentElement.scrollWidth") <= phone["width"]
@@ -97,9 +105,9 @@ def tree(page):
     ]
 
 
-def test_keyboard_and_screen_reader_reach_everything(browser, lab):
+def test_keyboard_and_screen_reader_reach_everything(opened, lab):
     address, _ = lab
-    page = opened(browser, address)
+    page = opened(address)
     expect(page.locator("#processes tbody tr").first).to_be_visible(timeout=PATIENCE_MS)
     nodes = tree(page)
     reached = {(role, name) for role, name, kept in nodes if kept.get("focusable")}
@@ -142,9 +150,9 @@ def test_keyboard_and_screen_reader_reach_everything(browser, lab):
     expect(page.locator("#arm")).to_be_focused()
 
 
-def test_a_replay_beside_a_robot_is_marked_and_cannot_be_steered(browser, lab):
+def test_a_replay_beside_a_robot_is_marked_and_cannot_be_steered(opened, lab):
     address, bus = lab
-    page = opened(browser, address)
+    page = opened(address)
     url = ("--url", os.environ["LCM_DEFAULT_URL"])
     replay = subprocess.Popen(
         [*KLAB, "replay", REFERENCE / "park.lcm", *url], stderr=subprocess.DEVNULL
@@ -187,9 +195,9 @@ def second(tmp_path):
     process.communicate(timeout=60)
 
 
-def test_two_robots_stop_together_and_are_released_one_by_one(browser, lab, second):
+def test_two_robots_stop_together_and_are_released_one_by_one(opened, lab, second):
     address, _ = lab
-    page = opened(browser, address)
+    page = opened(address)
     line, said = page.locator("#line"), page.locator("#said")
 
     def choose(name):
@@ -220,10 +228,10 @@ def test_two_robots_stop_together_and_are_released_one_by_one(browser, lab, seco
     release(ROBOT)
 
 
-def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(browser, lab):
+def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(opened, lab):
     """The last test: it ends the lab."""
     address, bus = lab
-    page = opened(browser, address)
+    page = opened(address)
     errors = []
     page.on("pageerror", lambda error: errors.append(error))  # playwright marks what it is given
     expect(page.locator("#line")).to_have_text(
