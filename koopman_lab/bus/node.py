@@ -8,11 +8,9 @@ from then on is only called back. The same node therefore runs in real time and 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 from koopman_lab.bus.channels import Channel, M
-
-A = TypeVar("A")
 
 RawHandler = Callable[[str, bytes, int], None]
 """Called with the channel's full name, the bytes, and the time of arrival in us."""
@@ -38,9 +36,6 @@ class Port(Protocol):
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Encode and send a message; the runner fills in ``sequence``."""
-
-    def publish_lazily(self, channel: Channel[M], make: Callable[[A], M], about: A) -> None:
-        """Send ``make(about)``, which is not called where nobody can hear it."""
 
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
         """Call ``handler`` with every decoded message of a channel, in order of arrival."""

@@ -10,7 +10,7 @@ import lcmtypes
 from koopman_lab.bus.channels import ABOARD, FAULT, HEARTBEATS, PLANT_RESET, Channel, M, Message
 from koopman_lab.bus.clock import DriftingClock
 from koopman_lab.bus.inlet import Inlet
-from koopman_lab.bus.node import A, Node, RawHandler, Tick
+from koopman_lab.bus.node import Node, RawHandler, Tick
 from koopman_lab.bus.radio import RadioPair, radio_pair
 from koopman_lab.bus.wire import Wire
 from koopman_lab.config.schema import LabConfig
@@ -141,36 +141,23 @@ class BasePort(ABC):
         elif outlet.name in self.audience:
             self.send(outlet.name, message.encode())
 
-    def publish_lazily(self, channel: Channel[M], make: Callable[[A], M], about: A) -> None:
-        """Send ``make(about)``; where nobody can hear it, only its number and its luck count."""
-        outlet = self._outlets.get(channel.suffix) or self._open(channel)
-        if outlet.name in self.audience:
-            self.publish(channel, make(about))
-            return
-        outlet.next_sequence += 1
-        if outlet.by_radio:
-            self._arrivals_us()
-
     def _open(self, channel: Channel[M]) -> Outlet:
         by_radio = self._radio is not None and not channel.wired
         outlet = Outlet(channel.name(self.robot_name), by_radio)
         self._outlets[channel.suffix] = outlet
         return outlet
 
-    def _arrivals_us(self) -> tuple[int, ...]:
-        """Let the radio decide about a message, numbered before so that others see the loss."""
+    def _transmit(self, name: str, message: Message) -> None:
         assert self._radio is not None
         now_us = self.bus_us()
-        return self._radio.from_robot.arrivals(now_us, self._faults.at(now_us).loss)
-
-    def _transmit(self, name: str, message: Message) -> None:
-        # The radio's luck hangs on every message, also on those that nobody hears.
-        arrivals_us = self._arrivals_us()
+        # Numbered before the radio, so that the others see what it loses; its luck hangs on every
+        # message, also on those that nobody hears.
+        arrivals_us = self._radio.from_robot.arrivals(now_us, self._faults.at(now_us).loss)
         if name not in self.audience:
             return
         data = message.encode()
         for at_us in arrivals_us:
-            if at_us <= self.bus_us():
+            if at_us <= now_us:
                 self.send(name, data)
             else:
                 self.later(at_us, lambda data, _: self.send(name, data), data)
@@ -224,10 +211,6 @@ class BasePort(ABC):
     def lost_messages(self) -> dict[str, int]:
         """Return, by channel name, how many messages the sequence numbers show missing."""
         return {name: inlet.counter.lost for name, inlet in self.inlets.items()}
-
-    def deliver(self, name: str, data: bytes, arrived_us: int) -> None:
-        """Take a message off the bus at ``arrived_us`` of the bus."""
-        self.receiver(name)(data, arrived_us)
 
     def receiver(self, name: str) -> Taker:
         """Return what takes a channel's messages off the bus.

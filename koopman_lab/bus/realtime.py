@@ -82,7 +82,12 @@ class RealtimePort(BasePort):
     def listen(self) -> None:
         """Subscribe at LCM to every channel that has a handler; call once, after attaching."""
         for name in self.inlets:
-            subscribe(self.bus, name, lambda n, data: self.deliver(n, data, self.bus_us()))
+            self.hear(name)
+
+    def hear(self, name: str) -> None:
+        """Subscribe at LCM to a channel that has a handler."""
+        take = self.receiver(name)
+        subscribe(self.bus, name, lambda _, data: take(data, self.bus_us()))
 
     def drain(self) -> None:
         """Handle everything that has arrived."""
@@ -239,8 +244,7 @@ class Listener:
         known = name in self._port.inlets
         self._port.subscribe(channel, handler)
         if not known:
-            port = self._port
-            subscribe(self._bus, name, lambda n, data: port.deliver(n, data, port.bus_us()))
+            self._port.hear(name)
 
     def overhear(self, handler: RawHandler) -> None:
         """Call ``handler`` with every message on the bus, of all robots and other programs."""

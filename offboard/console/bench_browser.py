@@ -1,4 +1,4 @@
-"""The page in a real browser, for the benches that ask what a person sees of it."""
+"""The page in a real browser, for who asks what a person sees of it."""
 
 from __future__ import annotations
 
@@ -7,28 +7,42 @@ import shutil
 from collections.abc import Iterator
 from typing import Any
 
+from koopman_lab.errors import LabStateError
+
 FLAGS = ("--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking")
-MOST_TRIES, TRY_MS = 150, 200.0
+MOST_TRIES, TRY_MS = 300, 200.0
 
 
 @contextlib.contextmanager
-def page_at(address: str) -> Iterator[Any]:
-    """Give the page in a real browser, None where there is none."""
+def browser() -> Iterator[Any]:
+    """Give a browser of playwright, None where there is no Chromium or no playwright."""
     chromium = shutil.which("chromium")
     try:
-        from playwright.sync_api import Error, sync_playwright
+        from playwright.sync_api import sync_playwright
     except ModuleNotFoundError:
         chromium = None
     if chromium is None:
         yield None
         return
     with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=chromium, args=FLAGS)
-        page = browser.new_page()
-        for _ in range(MOST_TRIES):
-            with contextlib.suppress(Error):
-                page.goto(address)
-                break
-            page.wait_for_timeout(TRY_MS)
-        yield page
-        browser.close()
+        found = play.chromium.launch(executable_path=chromium, args=FLAGS)
+        yield found
+        found.close()
+
+
+def visit(page: Any, address: str) -> None:
+    """Open an address in a page as soon as it is served.
+
+    Raises
+    ------
+    LabStateError
+        If it never is.
+    """
+    from playwright.sync_api import Error
+
+    for _ in range(MOST_TRIES):
+        with contextlib.suppress(Error):
+            page.goto(address)
+            return
+        page.wait_for_timeout(TRY_MS)
+    raise LabStateError(f"{address}: not served; the page's process log may say why")

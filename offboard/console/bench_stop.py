@@ -98,7 +98,7 @@ def _press(
     import numpy as np
 
     from koopman_lab.errors import LabStateError
-    from offboard.console.bench_browser import page_at
+    from offboard.console.bench_browser import browser, visit
     from offboard.console.supervisor import start_missing, supervised
     from offboard.console.view import HOST, free_port
     from offboard.console.wheels import Wheels
@@ -110,12 +110,14 @@ def _press(
         start_missing(lab, set(), folder)
         port = free_port()
         lab.start("view", "--port", str(port))
-        page = stack.enter_context(page_at(f"http://{HOST}:{port}/"))
-        if page is None:
+        chromium = stack.enter_context(browser())
+        if chromium is None:
             raise LabStateError(
                 "klab bench stop presses in a real page: install Chromium, and "
                 "`pip install playwright`"
             )
+        page = chromium.new_page()
+        visit(page, f"http://{HOST}:{port}/")
         page.evaluate(NOTE_WHEN)
         page.locator(READY).wait_for()
         lab.start("weaver")

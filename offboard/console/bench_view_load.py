@@ -17,7 +17,7 @@ import lcmtypes
 from koopman_lab.bus.channels import HEARTBEATS
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
-from offboard.console.bench_browser import page_at
+from offboard.console.bench_browser import browser, visit
 from offboard.console.bench_session import drive
 from offboard.console.child import command
 from offboard.console.view import HOST, free_port
@@ -119,7 +119,10 @@ def measure(
         lab = stack.enter_context(supervised(config, folder, listener))
         start_missing(lab, set(), folder)
         lab.start("view", "--port", str(port))
-        page = stack.enter_context(page_at(f"http://{address}/"))
+        found = stack.enter_context(browser())
+        page = None if found is None else found.new_page()
+        if page is not None:
+            visit(page, f"http://{address}/")
         readers = clients - 1 - (page is not None)
         reading = stack.enter_context(_clients(address, max(readers, 1)))
         hanging = stack.enter_context(_clients(address, 1))

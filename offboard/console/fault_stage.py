@@ -12,7 +12,7 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.channels import Channel, M
 from koopman_lab.bus.lockstep import Lockstep
-from koopman_lab.bus.node import A, Node, Port, RawHandler, Tick
+from koopman_lab.bus.node import Node, Port, RawHandler, Tick
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
@@ -83,10 +83,6 @@ class _MortalPort:
     def publish(self, channel: Channel[M], message: M) -> None:
         if self._owner.alive and channel.suffix not in self._owner.muted:
             self._port.publish(channel, message)
-
-    def publish_lazily(self, channel: Channel[M], make: Callable[[A], M], about: A) -> None:
-        if self._owner.alive and channel.suffix not in self._owner.muted:
-            self._port.publish_lazily(channel, make, about)
 
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
         self._port.subscribe(channel, lambda m: handler(m) if self._owner.alive else None)

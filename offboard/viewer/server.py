@@ -61,6 +61,7 @@ class Server:
         self._guard = guard
         self._log = log
         self._clients = 0
+        self._insisting = False
         self._tick = asyncio.Event()
         self._common = "{}"
         self._texts: dict[Marks, tuple[str, Marks]] = {}
@@ -102,9 +103,15 @@ class Server:
 
     async def _insist(self) -> None:
         """Say orders again more often than there are snapshots, as long as one is not obeyed."""
-        while self._desk.ordering:
-            await asyncio.sleep(WAIT_S)
-            self._desk.work()
+        if self._insisting:
+            return
+        self._insisting = True
+        try:
+            while self._desk.ordering:
+                await asyncio.sleep(WAIT_S)
+                self._desk.work()
+        finally:
+            self._insisting = False
 
     async def _page(self, request: HttpRequest) -> Response:
         objection = self._guard.objection(request.headers, request.query_params)

@@ -12,7 +12,6 @@ from koopman_lab.geometry import body_velocity
 from onboard.desk_time import DeskTime
 from onboard.motor_loop.hold import Command, Intent
 from onboard.motor_loop.loop import MotorLoop
-from onboard.motor_loop.odometry import WheelSpeeds
 
 
 class OnboardNode:
@@ -91,17 +90,15 @@ class OnboardNode:
     def _on_wheel_state_tick(self, tick_us: int) -> None:
         del tick_us
         mean = self.loop.odometry.mean()
-        if mean is not None:
-            self._port.publish_lazily(channels.WHEEL_STATE, self._wheel_state, mean)
-
-    def _wheel_state(self, mean: WheelSpeeds) -> lcmtypes.wheel_state_t:
+        if mean is None:
+            return
         message = lcmtypes.wheel_state_t()
         message.utime, message.window_s = self._time.to_desk(mean.utime), mean.window_s
         message.left_rad_per_s, message.right_rad_per_s = mean.left, mean.right
         message.v_m_per_s, message.omega_rad_per_s = body_velocity(
             mean.left, mean.right, self._robot.wheel_radius_m, self._robot.track_width_m
         )
-        return message
+        self._port.publish(channels.WHEEL_STATE, message)
 
     def _on_status_tick(self, tick_us: int) -> None:
         loop, hold = self.loop, self.loop.hold

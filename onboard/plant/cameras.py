@@ -20,14 +20,12 @@ FRAMES_PER_DRAW = 256
 
 Frame = tuple[int, PlainPose, bool]
 """What the tracking makes of one exposure: its time (us), the pose, and whether that is valid."""
-Exposure = tuple[int, PlainPose | None, Sequence[float]]
-"""Its time (us), the robot's true pose, None if the tracking finds nothing, and its errors."""
 Numbers = tuple[Sequence[float], bool, int]
 """Of one frame: the errors of its pose, whether it is lost, and its delay (us)."""
 
 
 class Cameras:
-    """Exposes true poses and hands out the exposures once the processing latency has passed.
+    """Exposes true poses and hands out what they see once the processing latency has passed.
 
     Frames keep their order: one that takes long holds back those behind it.
     """
@@ -41,7 +39,7 @@ class Cameras:
         noise, occlusions = rng.spawn(2)
         self._numbers = chain.from_iterable(_draws(mocap, noise))
         self._occlusions = occlusions
-        self._pending: deque[tuple[int, Exposure]] = deque()
+        self._pending: deque[tuple[int, Frame]] = deque()
         self._last_ready_us = 0
 
     def expose(self, utime: int, pose: PlainPose, *, hidden: bool = False) -> None:
@@ -52,32 +50,30 @@ class Cameras:
         if ready_us < self._last_ready_us:
             ready_us = self._last_ready_us
         self._last_ready_us = ready_us
-        self._pending.append((ready_us, (utime, None if unseen else pose, errors)))
+        seen = NOTHING if unseen else self._see(pose, errors)
+        self._pending.append((ready_us, (utime, seen, not unseen)))
 
-    def ready(self, now_us: int) -> Iterable[Exposure]:
-        """Return the exposures whose latency has passed by ``now_us``, oldest first."""
+    def ready(self, now_us: int) -> Iterable[Frame]:
+        """Return the frames whose latency has passed by ``now_us``, oldest first."""
         pending = self._pending
         if not pending or pending[0][0] > now_us:
             return ()
-        exposures = [pending.popleft()[1]]
+        frames = [pending.popleft()[1]]
         while pending and pending[0][0] <= now_us:
-            exposures.append(pending.popleft()[1])
-        return exposures
+            frames.append(pending.popleft()[1])
+        return frames
 
-    def see(self, exposure: Exposure) -> Frame:
-        """Return what the tracking makes of an exposure."""
-        utime, pose, (e1, e2, e3) = exposure
-        if pose is None:
-            return utime, NOTHING, False
+    def _see(self, pose: PlainPose, errors: Sequence[float]) -> PlainPose:
+        """Return what the tracking makes of a true pose."""
         x1, x2, theta = pose
+        e1, e2, e3 = errors
         ahead_m, left_m, turn_rad = self._marker
         c, s = cos(theta), sin(theta)
-        seen = (
+        return (
             x1 + c * ahead_m - s * left_m + e1,
             x2 + s * ahead_m + c * left_m + e2,
             wrap_angle(theta + turn_rad + e3),
         )
-        return utime, seen, True
 
     def _occluded(self, utime: int) -> bool:
         """Return whether something stands in the way; that happens at random moments."""

@@ -10,7 +10,7 @@ from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry import Pose
 from koopman_lab.robot.faults import fault_of
-from onboard.plant.cameras import Cameras, Exposure
+from onboard.plant.cameras import Cameras
 from onboard.plant.hardware import Hardware
 from onboard.plant.plant import Plant
 
@@ -62,7 +62,7 @@ class PlantNode:
         encoder.left_count, encoder.right_count = self._hardware.encoder_counts()
         encoder.battery_v = self.plant.battery_v()
         self._port.publish(channels.ENCODER, encoder)
-        self._port.publish_lazily(channels.PLANT_TRUTH, self._truth_at, utime)
+        self._send_truth(utime)
         self._send_frames(utime)
 
     def _on_camera_tick(self, tick_us: int) -> None:
@@ -72,19 +72,15 @@ class PlantNode:
 
     def _send_frames(self, now_us: int) -> None:
         # Asked at every tick of either timer, since frames become ready between exposures.
-        for exposure in self._cameras.ready(now_us):
-            self._port.publish_lazily(channels.MOCAP_POSE, self._pose_in, exposure)
+        seen = self._seen
+        for seen.utime, pose, seen.tracking_valid in self._cameras.ready(now_us):
+            seen.x1_m, seen.x2_m, seen.theta_rad = pose
+            self._port.publish(channels.MOCAP_POSE, seen)
 
-    def _truth_at(self, utime: int) -> lcmtypes.plant_truth_t:
+    def _send_truth(self, utime: int) -> None:
         truth = self._truth
         truth.utime = utime
         truth.x1_m, truth.x2_m, truth.theta_rad = self.plant.coordinates
         truth.v_m_per_s, truth.omega_rad_per_s = self.plant.body_velocity()
         truth.faults = self._hardware.effects.kinds
-        return truth
-
-    def _pose_in(self, exposure: Exposure) -> lcmtypes.mocap_pose_t:
-        seen = self._seen
-        seen.utime, pose, seen.tracking_valid = self._cameras.see(exposure)
-        seen.x1_m, seen.x2_m, seen.theta_rad = pose
-        return seen
+        self._port.publish(channels.PLANT_TRUTH, truth)

@@ -3,26 +3,21 @@
 import contextlib
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
 
 import pytest
 from klab import KLAB, MODEL, REFERENCE, start_klab
-from playwright.sync_api import Error, expect, sync_playwright
+from playwright.sync_api import expect
 
 from koopman_lab.bus.channels import ESTOP, HEARTBEATS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
+from offboard.console.bench_browser import browser, visit
 from offboard.console.wheels import Wheels
 
-FLAGS = [
-    *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"),
-    *("--disable-background-networking", "--disable-component-update"),
-]
 PATIENCE_MS = 60_000
-MOST_TRIES = 600
 WAIT_S = 0.05
 ROBOT = "R2"
 """The log in tests/data/reference is of R1, so that a replay of it may share the bus."""
@@ -30,11 +25,9 @@ SECOND = "R3"
 
 
 @pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as play:
-        found = play.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+def chromium():
+    with browser() as found:
         yield found
-        found.close()
 
 
 @pytest.fixture(scope="module")
@@ -53,21 +46,17 @@ def lab(tmp_path_factory):
 
 
 @pytest.fixture
-def opened(browser):
+def opened(chromium):
     """Give what opens a page as soon as it is served; a page left open would go on to draw."""
     with contextlib.ExitStack() as contexts:
 
         def open_page(address, **settings):
-            context = browser.new_context(**settings)
+            context = chromium.new_context(**settings)
             contexts.callback(context.close)
             page = context.new_page()
             page.set_default_timeout(PATIENCE_MS)
-            for _ in range(MOST_TRIES):
-                with contextlib.suppress(Error):
-                    page.goto(address)
-                    return page
-                page.wait_for_timeout(WAIT_S * 1e3)
-            return pytest.fail("the page is not served")
+            visit(page, address)
+            return page
 
         yield open_page
 

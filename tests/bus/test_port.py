@@ -110,7 +110,7 @@ def test_no_bytes_make_a_port_raise(data):
     port = Loop()
     seen = []
     port.subscribe(channels.ENCODER, seen.append)
-    port.deliver("R1_ENCODER", data, 0)
+    port.receiver("R1_ENCODER")(data, 0)
     assert port.undecodable == 1
     assert not seen
 

@@ -21,7 +21,7 @@ def film(*overrides, preset="lab", frames=4000, pose=TRUE):
     for k in range(frames):
         cameras.expose(k * PERIOD_US, pose)
         for now_us in range(k * PERIOD_US, (k + 1) * PERIOD_US, 100):
-            rows += [(now_us, *cameras.see(exposure)) for exposure in cameras.ready(now_us)]
+            rows += [(now_us, *frame) for frame in cameras.ready(now_us)]
     return rows
 
 
