@@ -28,7 +28,7 @@ NOTE_WHEN = """() => {
 BUTTON = "button"
 WAYS = ("space bar", BUTTON)
 SLOW_M_PER_S = 0.15
-"""Straight ahead, the motors at zero brake the body from this in 84 ms."""
+"""Straight ahead, the motors at zero brake the body from this in 80 ms."""
 READY, CONFIRMED = "#line:has-text(': ')", "#said:has-text('STOP confirmed')"
 FEWEST_TURNS, MOST_TURNS = 50, 150
 """Encoder messages between two presses, so that they meet the weave at any speed."""
