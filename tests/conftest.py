@@ -28,8 +28,8 @@ settings.load_profile("lab")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the longest file, so that the others run beside it and not before it."""
-    items.sort(key=lambda item: item.path.name != "test_blocks.py")
+    """Begin with the longest files, so that the others run beside them and not before them."""
+    items.sort(key=lambda item: item.path.name not in ("test_blocks.py", "test_first_hour.py"))
 
 
 def pytest_unconfigure() -> None:

@@ -1,78 +1,22 @@
-"""The README's lines that need a lab, a bus or Ctrl-C, typed in as many terminals as it says.
+"""The README's lines behind the first hour that need a lab, a bus or Ctrl-C, in terminals.
 
-Its other lines are run by tests/packaging/test_blocks.py and test_first_hour.py.
+Its other lines are run by tests/packaging: test_first_hour.py and test_blocks.py.
 """
 
 import json
 import re
-import shlex
-import signal
 import subprocess
 import urllib.request
 from pathlib import Path
 
 import pytest
-from klab import KLAB, MODEL, SHORT_RUNS, klab, klab_ok
+from klab import KLAB, MODEL, SHORT_RUNS, klab_ok
+from terminals import ENDED, LATER, LIMIT_S, REPLAYS, Terminal, run, typed
 from test_real_time import Ear, recorded, tool
 
 from koopman_lab.bus.channels import MOCAP_POSE
 
-README = Path(__file__).parents[2] / "README.md"
-LINES = {
-    tuple(shlex.split(line, comments=True))
-    for block in re.findall(r"^```bash\n(.*?)^```", README.read_text(), re.M | re.S)
-    for line in block.splitlines()
-}
-REPLAYS = "udpm://239.255.76.68:7668?ttl=0"
 LAST = "R1_SAMPLER_STATE"
-LIMIT_S = 60.0
-ENDED = (0, 130)
-"""Exit codes of what Ctrl-C ends."""
-
-
-def typed(line: str) -> list[str]:
-    """Return the words of a line, which must be one of the README."""
-    words = shlex.split(line)
-    assert tuple(words) in LINES, f"README: has no line `{line}` any more"
-    return words
-
-
-def run(line: str, cwd: Path, *shorter: str) -> str:
-    """Run a line to its end, expect success, return what it printed."""
-    done = klab(*typed(line)[1:], *shorter, cwd=cwd)
-    assert done.returncode == 0, f"{line}\n{done.stderr}"
-    return done.stdout
-
-
-class Terminal:
-    """One in which a line runs until it is interrupted."""
-
-    def __init__(self, line: str, cwd: Path, *shorter: str) -> None:
-        self.process = subprocess.Popen(
-            [*KLAB, *typed(line)[1:], *shorter],
-            cwd=cwd,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-        )
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *raised) -> None:
-        self.process.kill()
-        self.process.wait()
-        self.process.stdout.close()
-
-    def until(self, word: str) -> str:
-        """Return the first line that holds a word."""
-        return next(line for line in self.process.stdout if word in line)
-
-    def interrupt(self) -> None:
-        """Press Ctrl-C."""
-        self.process.send_signal(signal.SIGINT)
-        assert self.process.wait(timeout=LIMIT_S) in ENDED
 
 
 @pytest.fixture
@@ -115,32 +59,18 @@ def test_the_page_alone_and_with_a_lab(tmp_path):
             view.interrupt()
 
 
-@pytest.mark.parametrize(
-    "lines",
-    [
-        ("klab run plant", "klab run onboard"),
-        (
-            "klab run plant --robot kinematic",
-            "klab run onboard --robot kinematic",
-            "klab run logger --robot kinematic --out runs/by-hand",
-        ),
-    ],
-    ids=["two machines", "three terminals"],
-)
-def test_each_process_in_a_terminal_of_its_own(lines, tmp_path, ear):
+def test_each_process_in_a_terminal_of_its_own(tmp_path, ear):
     (tmp_path / "runs").mkdir()
-    terminals = [Terminal(line, tmp_path) for line in lines]
-    try:
-        ear.wait_for(*(line.split()[2] for line in lines))
+    with (
+        Terminal("klab run plant --robot kinematic", tmp_path) as plant,
+        Terminal("klab run onboard --robot kinematic", tmp_path) as onboard,
+        Terminal("klab run logger --robot kinematic --out runs/by-hand", tmp_path) as logger,
+    ):
+        ear.wait_for("plant", "onboard", "logger")
         ear.wait(lambda: ear.status is not None)
-        assert "MOCAP_POSE" in run("klab topics --once", tmp_path)
-        for terminal in terminals:
+        for terminal in (plant, onboard, logger):
             terminal.interrupt()
-    finally:
-        for terminal in terminals:
-            terminal.__exit__()
-    made = [line for line in lines if "--out" in line]
-    assert all((tmp_path / "runs" / "by-hand" / "session.lcm").stat().st_size for _ in made)
+    assert (tmp_path / "runs" / "by-hand" / "session.lcm").stat().st_size
 
 
 def test_a_replay_and_who_listens_to_it(tmp_path):
@@ -189,20 +119,12 @@ SHOWN_BY = (
     *("klab topics", "klab fault", "klab replay", "lcm-logplayer", "klab calibrate --robot-name"),
 )
 """Beginnings of the lines that are for this file."""
-ALIKE = {
-    "klab up --view": "with --port, above",
-    f"klab view --url {REPLAYS} --port 8766": "tests/browser opens a replay's page",
-    "klab replay runs/there": "as the other replay, above",
-    "klab run onboard --config runs/robot.yaml": "the file is read by test_first_hour",
-    "klab topics --config runs/robot.yaml": "the file is read by test_first_hour",
-}
-"""Lines that say again, on another file or another port, what a line run here says."""
 
 
 def test_each_such_line_is_run_here():
     source = Path(__file__).read_text().partition("SHOWN_BY = ")[0]
-    for words in LINES:
+    for words in LATER:
         line = " ".join(words)
-        if line.startswith(SHOWN_BY) and line not in ALIKE:
+        if line.startswith(SHOWN_BY):
             told = line.replace(REPLAYS, '"{REPLAYS}"')
             assert told in source, f"README: `{line}` is run by nothing; run it here"

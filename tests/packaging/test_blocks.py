@@ -4,21 +4,9 @@ A line of the README that is neither run here nor named in ELSEWHERE fails the t
 add one that is not thought of.
 """
 
-import re
-import shlex
-from pathlib import Path
-
 import pytest
 from klab import ALONE, SHORT_RUNS, klab
-
-README = Path(__file__).parents[2] / "README.md"
-BEHIND = README.read_text().partition("\n## What a person does here\n")[2]
-LINES = [
-    words
-    for block in re.findall(r"^```bash\n(.*?)^```", BEHIND, re.M | re.S)
-    for line in block.splitlines()
-    if (words := shlex.split(line, comments=True))
-]
+from terminals import LATER
 
 ONE_RUN = ("--runs", "1", "--workers", "1")
 NEAR = ("--set", "controller.horizon=5")
@@ -98,18 +86,18 @@ def is_run(words: list[str]) -> bool:
 
 
 def test_each_line_is_run_or_named():
-    assert [words for words in LINES if is_run(words)]
+    assert [words for words in LATER if is_run(words)]
 
 
 @pytest.mark.parametrize("table", [SHORTER, *([b] for bs in ELSEWHERE.values() for b in bs)])
 def test_no_table_names_what_is_not_there(table):
     for beginning in table:
-        assert any(begins(" ".join(words), [beginning]) for words in LINES), beginning
+        assert any(begins(" ".join(words), [beginning]) for words in LATER), beginning
 
 
 def test_each_line_does_its_job_on_what_those_before_it_left(tmp_path, monkeypatch):
     (tmp_path / "runs").mkdir()
-    for words in filter(is_run, LINES):
+    for words in filter(is_run, LATER):
         line = " ".join(words)
         added = [o for beginning, o in SHORTER.items() if line.startswith(beginning)]
         with monkeypatch.context() as machine:

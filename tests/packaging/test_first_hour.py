@@ -1,49 +1,132 @@
-"""The README's first hour, as a newcomer types it: each block on what the blocks before it left.
+"""The README's first hour, typed as a newcomer types it: each block on what those before it left.
 
-What starts a whole lab, or runs until Ctrl-C, is only parsed, by test_readme; the tests of the
-console and of the page run such commands.
+What runs until Ctrl-C gets a terminal of its own. Buses and ports are the test's; parks begin near
+the goal.
 """
 
 import re
 import shlex
+import subprocess
+import urllib.request
 from pathlib import Path
 
 import pytest
-from klab import ALONE, klab, klab_ok
+from checkout import checkout
+from klab import ALONE, SHORT_RUNS, klab, klab_ok
+from terminals import FIRST, HEREDOC, HOUR, LIMIT_S, REPLAYS, Terminal, run
+from test_real_time import Ear, other
 
 from koopman_lab.bus.channels import CHANNELS
 from koopman_lab.config.load import load_config
+from offboard.console.view import free_port
 
-README = Path(__file__).parents[2] / "README.md"
-SECTION = re.search(r"^## Your first hour\n(.*?)^## ", README.read_text(), re.M | re.S).group(1)
-BLOCKS = re.findall(r"^```bash\n(.*?)^```", SECTION, re.M | re.S)
-HEREDOC = re.compile(r"^cat > (\S+) <<'END'\n(.*?)^END\n", re.M | re.S)
+NEAR = ("--start", "-0.1", "0", "0")
+DEMO = "./scripts/demo --lockstep --out runs/demo"
+ELSEWHERE = {
+    "in the first block, by a shell": (DEMO, "source .venv/bin/activate", "klab doctor"),
+    "the bus is the test's": ("export LCM_DEFAULT_URL",),
+    "would run this test within itself": ("./scripts/test",),
+}
+"""Lines that are not typed here one by one, under the reason."""
+
+
+def is_alone(words: list[str]) -> bool:
+    """Return whether a line needs no bus and no process beside it."""
+    return words[0] == "klab" and (words[1] in ALONE or "--lockstep" in words)
+
+
+def by_the_shell(text: str, cwd: Path) -> str:
+    """Let a shell run a text, expect success, return what it printed."""
+    done = subprocess.run(
+        ["bash", "-euc", text], cwd=cwd, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, f"{text}\n{done.stdout}{done.stderr}"
+    return done.stdout
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Let the first hour pass, in an empty folder."""
+    """Let the first hour pass in a checkout; what needs a lab is left to the tests."""
     where = tmp_path_factory.mktemp("first-hour")
-    (where / "runs").mkdir()
-    for block in BLOCKS:
-        for name, text in HEREDOC.findall(block):
-            (where / name).write_text(text)
-        for line in HEREDOC.sub("", block).splitlines():
-            words = shlex.split(line, comments=True)
-            alone = words[:1] == ["klab"] and (words[1] in ALONE or "--lockstep" in words)
-            if alone:
-                done = klab(*words[1:], cwd=where)
-                assert done.returncode == 0, f"{line}\n{done.stderr}"
+    programs = checkout(where)
+    (programs / "activate").write_text(f"PATH={programs}:$PATH\n")
+    block = re.search(r"^```bash\n(.*?)^```", HOUR, re.M | re.S).group(1)
+    assert block.startswith(DEMO)
+    assert "runs/demo" in by_the_shell(block, where)
+    for name, text in HEREDOC.findall(HOUR):
+        (where / name).write_text(text)
+    for words in filter(is_alone, FIRST):
+        done = klab(*words[1:], cwd=where)
+        assert done.returncode == 0, f"{words}\n{done.stderr}"
     return where
 
 
+@pytest.fixture
+def ear(bus_url):
+    return Ear(bus_url)
+
+
 def test_every_block_leaves_what_it_promises(folder):
-    for name in ("mine.npz", "own.npz", "there/summary.json", "there/session-plot.png"):
+    for name in ("demo/model.npz", "mine.npz", "own.npz", "there/session-plot.png"):
         assert (folder / "runs" / name).exists(), name
     printed = klab_ok("model", "info", folder / "runs" / "own.npz")
     assert "sin(theta)" in printed
     config = (folder / "runs" / "own-cost" / "config.yaml").read_text()
     assert "20.0" in config
+
+
+def test_the_demo_calibrates_trains_and_parks_in_real_time(folder):
+    printed = by_the_shell(shlex.join(["./scripts/demo", "--segments", "4", *SHORT_RUNS]), folder)
+    assert "camera messages lost" in printed
+
+
+def test_the_page_and_a_first_park(folder, ear):
+    with Terminal("klab up --view", folder, "--port", str(free_port())) as up:
+        assert up.until("http://")
+        ear.wait_for("plant", "onboard", "logger")
+        run("klab park --model runs/demo/model.npz --out runs/first-park", folder, *NEAR)
+        up.interrupt()
+    assert (folder / "runs" / "first-park" / "summary.json").exists()
+
+
+def test_it_is_played_again_to_a_page_of_its_own(folder, bus_url):
+    bus, port = ("--url", other(bus_url)), str(free_port())
+    with Terminal(f'klab view --url "{REPLAYS}" --port 8766', folder, *bus, "--port", port) as view:
+        address = re.search(r"http://\S+?/", view.until("http://")).group()
+        assert "STOP" in urllib.request.urlopen(address, timeout=LIMIT_S).read().decode()
+        run("klab replay runs/there", folder, *bus, "--speed", "10")
+        view.interrupt()
+
+
+def test_two_machines(folder, ear):
+    with Terminal("klab run plant", folder) as plant, Terminal("klab run onboard", folder) as board:
+        ear.wait_for("plant", "onboard")
+        ear.wait(lambda: ear.status is not None)
+        assert "MOCAP_POSE" in run("klab topics --once", folder)
+        run("klab park --model runs/demo/model.npz --out runs/two-machines", folder, *NEAR)
+        plant.interrupt()
+        board.interrupt()
+    assert (folder / "runs" / "two-machines" / "summary.json").exists()
+
+
+def test_a_robot_that_is_no_part_of_this_software(folder, ear):
+    """Its motors, encoders, and cameras are those of the simulated one."""
+    with (
+        Terminal("klab run plant", folder) as plant,
+        Terminal("klab run onboard --config runs/robot.yaml", folder) as board,
+        Terminal("klab topics --config runs/robot.yaml", folder) as topics,
+    ):
+        ear.wait_for("plant", "onboard")
+        ear.wait(lambda: ear.status is not None)
+        assert topics.until("ENCODER")
+        topics.interrupt()
+        run("klab estop", folder)
+        run("klab estop --release", folder)
+        line = "klab calibrate --config runs/robot.yaml --out runs/real"
+        run(line, folder, "--segments", "1", *SHORT_RUNS)
+        plant.interrupt()
+        board.interrupt()
+    assert (folder / "runs" / "real" / "session.lcm").exists()
 
 
 def test_the_file_of_a_real_robot_is_a_configuration(folder):
@@ -52,9 +135,19 @@ def test_the_file_of_a_real_robot_is_a_configuration(folder):
 
 
 def test_the_steps_that_are_asked_for_are_there():
-    told = re.sub(r"\s+", " ", SECTION)
+    told = re.sub(r"\s+", " ", HOUR)
     for word in ("klab doctor", "klab calibrate", "--goal", "klab replay", "--dictionary", "ttl=1"):
         assert word in told
     for name in ("MOTOR_CMD", "ENCODER", "MOCAP_POSE", "ONBOARD_STATUS", "ESTOP", "WHEEL_STATE"):
         assert name in {channel.suffix for channel in CHANNELS}
         assert f"`{name}`" in told
+
+
+def test_each_line_is_run_here():
+    source = Path(__file__).read_text().partition("def test_each_line_is_run_here")[0]
+    left = {line for lines in ELSEWHERE.values() for line in lines}
+    for words in FIRST:
+        line = " ".join(words)
+        told = line.replace(REPLAYS, '"{REPLAYS}"')
+        run_here = is_alone(words) or line.startswith(tuple(left)) or told in source
+        assert run_here, f"README: nothing runs `{line}`"

@@ -1,19 +1,17 @@
 """What the README tells a person to type exists, with these options."""
 
-import re
-import shlex
 from pathlib import Path
 
 import pytest
 import typer
+from terminals import README, words_of
 
 from offboard.console.main import app
 
 ROOT = Path(__file__).parents[2]
-BLOCKS = re.findall(r"^```bash\n(.*?)^```", (ROOT / "README.md").read_text(), re.M | re.S)
-LINES = [shlex.split(line, comments=True) for block in BLOCKS for line in block.splitlines()]
-KLAB = [line[1:] for line in LINES if line and line[0] == "klab"]
-SCRIPTS = [line[0] for line in LINES if line and line[0].startswith("./")]
+LINES = words_of(README)
+KLAB = [line[1:] for line in LINES if line[0] == "klab"]
+SCRIPTS = [line[0] for line in LINES if line[0].startswith("./")]
 
 
 @pytest.mark.parametrize("arguments", KLAB, ids=" ".join)

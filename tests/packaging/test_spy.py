@@ -6,13 +6,12 @@ The scripts run in a copy of their folder, beside a virtual environment that sta
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import lcm
 import pytest
+from checkout import ROOT, checkout
 
-ROOT = Path(__file__).parents[2]
 TOOLS = ("bash", "cat", "cksum", "find", "mktemp", "mv", "mkdir", "rm", "dirname")
 """Of the system, besides Java and Python, that the script calls."""
 
@@ -20,25 +19,9 @@ TOOLS = ("bash", "cat", "cksum", "find", "mktemp", "mv", "mkdir", "rm", "dirname
 @pytest.fixture
 def place(tmp_path):
     """Copy what the script reads; Python and the tools are there, Java is not."""
-    for name in ("scripts", "lcmtypes"):
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    programs = tmp_path / ".venv" / "bin"
-    programs.mkdir(parents=True)
-    # Not a link: an environment of its own would begin where the link lies.
-    (programs / "python").write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
-    (programs / "python").chmod(0o755)
+    programs = checkout(tmp_path)
     for tool in TOOLS:
         (programs / tool).symlink_to(shutil.which(tool))
-    fingerprint = subprocess.run(
-        "cat pyproject.toml scripts/generate_types.py lcmtypes/*.lcm | cksum",
-        shell=True,
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
-    (tmp_path / ".venv" / ".installed").write_text(f"{fingerprint}{tmp_path}\n")
     return tmp_path
 
 
