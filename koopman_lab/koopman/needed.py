@@ -110,7 +110,10 @@ def needed(
                 with np.errstate(over="ignore", invalid="ignore"):
                     ahead = errors(model, held, STEPS)
                 if ahead is None:
-                    raise DataError(f"no held-out run is {STEPS} sampling times long")
+                    raise DataError(
+                        f"no held-out run is {STEPS} sampling times long; record longer ones "
+                        "(sampler.largest_steps)"
+                    )
                 found.append((ahead.position_mean_m, ahead.angle_mean_rad))
             yield NeededRow(name, count, repetitions, refused, *_bands(found))
 

@@ -107,7 +107,9 @@ class Found:
             try:
                 text = path.read_text()
             except OSError as error:
-                raise DataError(f"{step}/{file}: cannot be read ({error.strerror})") from None
+                missing = not path.parent.exists()
+                why = "its step was not run" if missing else f"cannot be read ({error.strerror})"
+                raise DataError(f"{step}/{file}: {why}") from None
             self._texts[path] = _parsed(path, text)
         return self._texts[path]
 

@@ -36,35 +36,47 @@ def reproduce(
         int | None, typer.Option("--workers", min=1, help="Processes at once; default: all cores.")
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of draws, noise and starts.")] = 1,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only", metavar="STEP", help="This step and those it needs; may be given repeatedly."
+        ),
+    ] = None,
 ) -> None:
     """Calibrate, train, validate, drive, simulate and study both robots, and judge the paper.
 
     Each step is a klab command on virtual time, with a folder in DIR. DIR gets report.md and
     report.html: each claim of the paper beside our numbers, with a verdict computed from them,
-    every figure, and the commands. What is interrupted goes on with --resume.
+    every figure, and the commands. What is interrupted goes on with --resume, and so does what
+    began with --only, without it.
 
     Example: klab reproduce --quick --out runs/reproduction
     """
     from koopman_lab.paper.claim import judge
     from koopman_lab.paper.claims import CLAIMS, SETTINGS
     from koopman_lab.paper.found import Found
-    from koopman_lab.paper.report import Facts, write_report
+    from koopman_lab.paper.report import Facts, tally, write_report
+    from koopman_lab.paper.verdict import Verdict
     from offboard.console.reproduce_steps import FULL, QUICK, judged_steps, steps
-    from offboard.console.steps import run
+    from offboard.console.steps import finished, run, with_needs
 
     place = run_path(folder, "reproduction")
-    _open(place, {"quick": quick, "seed": seed}, resume=resume)
     size = QUICK if quick else FULL
-    cores = len(os.sched_getaffinity(0))
+    every = steps(size, seed)
     # The verdicts do not wait for the studies that the paper does not have.
-    for wanted in (judged_steps(size, seed), steps(size, seed)):
-        made = run(place, wanted, workers or cores, _tell)
+    parts = [with_needs(every, only)] if only else [judged_steps(size, seed), every]
+    _open(place, {"quick": quick, "seed": seed}, resume=resume)
+    cores = len(os.sched_getaffinity(0))
+    for wanted in parts:
+        run(place, wanted, workers or cores, _tell)
+        made = finished(place, every)
         found = Found(place)
         judged = [judge(claim, found) for claim in CLAIMS]
         settings = [judge(setting, found) for setting in SETTINGS]
         write_report(place, Facts(quick, size.words, seed, made), judged, settings)
         _tell(f"report: {place / 'report.html'} and report.md")
-    _show(judged)
+    _show([j for j in judged if not only or j.verdict is not Verdict.UNKNOWN])
+    out.print(tally(judged))
 
 
 def _tell(line: str) -> None:
@@ -109,10 +121,7 @@ def _open(place: Path, asked: dict[str, Any], *, resume: bool) -> None:
 def _show(judged: Sequence[Judged]) -> None:
     from rich.table import Table
 
-    from koopman_lab.paper.report import tally
-
     table = Table("section", "claim", "here", "verdict", box=None, pad_edge=False)
     for j in judged:
         table.add_row(j.claim.section, j.claim.name, "\n".join(j.numbers), j.verdict.value)
     out.print(table)
-    out.print(tally(judged))

@@ -65,6 +65,34 @@ class Step:
         return {step.name for step in steps if step.name in heads} - {self.name}
 
 
+def with_needs(steps: Sequence[Step], names: Sequence[str]) -> list[Step]:
+    """Return the steps of these names and all that they need, in order.
+
+    Parameters
+    ----------
+    steps
+        In order, each behind those it needs.
+    names
+        Of some of them.
+
+    Raises
+    ------
+    LabStateError
+        If no step has such a name.
+    """
+    wanted = set(names)
+    unknown = wanted - {step.name for step in steps}
+    if unknown:
+        raise LabStateError(
+            f"{', '.join(sorted(unknown))}: no such step; there are "
+            f"{', '.join(step.name for step in steps)}"
+        )
+    for step in reversed(steps):
+        if step.name in wanted:
+            wanted |= step.needs(steps)
+    return [step for step in steps if step.name in wanted]
+
+
 def finished(folder: Path, steps: Sequence[Step]) -> dict[str, Made]:
     """Return the steps that need not run again, by name.
 

@@ -18,7 +18,7 @@ from koopman_lab.paper.pictures import GRIDS, PICTURES, STUDIES
 from offboard.console import steps as runner
 from offboard.console.main import app
 from offboard.console.reproduce_steps import FULL, QUICK, judged_steps, steps
-from offboard.console.steps import MARKER, Step, finished, run
+from offboard.console.steps import MARKER, Step, finished, run, with_needs
 
 PARK = REFERENCE / "park.lcm"
 SMALL = ("--set", "controller.horizon=5", "--duration")
@@ -51,6 +51,22 @@ def test_each_step_is_a_command_line_that_needs_only_steps_before_it(size):
         command.make_context("klab", rest)
         # Nothing lands outside of the step's own folder.
         assert step.arguments[step.arguments.index("--out") + 1].split("/")[0] == step.name
+
+
+def test_a_step_comes_with_all_that_it_needs():
+    listed = steps(QUICK, seed=1)
+    chosen = with_needs(listed, ["kinematic-lab"])
+    assert [step.name for step in chosen] == [
+        *("kinematic-session", "kinematic-model", "kinematic-lab"),
+    ]
+    # In the order of all, however they are asked for.
+    both = with_needs(listed, ["kinematic-lab", "kinematic-session", "needed"])
+    assert [step.name for step in both] == [
+        *("kinematic-session", "kinematic-model", "kinematic-lab", "dynamic-session", "needed"),
+    ]
+    assert with_needs(listed, [step.name for step in listed]) == listed
+    with pytest.raises(LabStateError, match=r"no-step: no such step; there are kinematic-session"):
+        with_needs(listed, ["needed", "no-step"])
 
 
 def test_claims_and_figures_are_of_steps_that_there_are(tmp_path):

@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from cluster import cluster
 from joblib.externals.loky import get_reusable_executor
 from test_parking_study import tiny
 
@@ -121,32 +122,8 @@ def test_a_killed_command_goes_on(tmp_path, undisturbed):
 
 @pytest.fixture
 def scheduler(tmp_path):
-    """Give a scheduler with two workers on loopback: its process and its address."""
-    dask, host = [sys.executable, "-m", "dask"], ["--host", "127.0.0.1", "--no-dashboard"]
-    paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[1])])
-    of_tests = os.environ | {"PYTHONPATH": paths}
-    said = tmp_path / "scheduler.json"
-    command = [*dask, "scheduler", *host, "--port", "0", "--scheduler-file", str(said)]
-    started, log = [], (tmp_path / "dask.log").open("w")
-    try:
-        started.append(subprocess.Popen(command, stdout=log, stderr=log, env=of_tests))
-        end_s = time.monotonic() + LIMIT_S
-        # The file is made first and filled then.
-        while not (said.exists() and said.read_text().rstrip().endswith("}")):
-            assert time.monotonic() < end_s, (tmp_path / "dask.log").read_text()
-            os.sched_yield()
-        address = json.loads(said.read_text())["address"]
-        worker = [*dask, "worker", address, "--nthreads", "1", "--no-nanny", *host]
-        worker += ["--local-directory", str(tmp_path)]
-        started += [
-            subprocess.Popen(worker, stdout=log, stderr=log, env=of_tests) for _ in range(2)
-        ]
-        yield started[0], address
-    finally:
-        for process in started:
-            process.kill()
-            process.wait()
-        log.close()
+    with cluster(tmp_path, workers=2) as started:
+        yield started
 
 
 def test_a_cluster_brings_the_same_and_may_go(tmp_path, scheduler, undisturbed):
