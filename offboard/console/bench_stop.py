@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
@@ -29,9 +31,11 @@ BUTTON = "button"
 WAYS = ("space bar", BUTTON)
 SLOW_M_PER_S = 0.15
 """Straight ahead, the motors at zero brake the body from this in 80 ms."""
+SOON_MS = 100
 READY, CONFIRMED = "#line:has-text(': ')", "#said:has-text('STOP confirmed')"
-FEWEST_TURNS, MOST_TURNS = 50, 150
-"""Encoder messages between two presses, so that they meet the weave at any speed."""
+FEWEST_TURNS = 50
+"""Encoder messages before a press, for the robot to get under way."""
+MOST_STARTS = 1000
 US_PER_MS = 1000
 
 
@@ -64,28 +68,44 @@ def stop(
     presses: Annotated[
         int, typer.Option("--presses", min=2, help="Of the key and of the button in turn.")
     ] = 40,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model", metavar="FILE", help="Press while the robot is parked with this model."
+        ),
+    ] = None,
     url: options.Url = None,
     folder: options.Out = None,
     as_json: options.AsJson = False,
 ) -> None:
     """Press STOP on the page of a robot under way; show when motors are at zero and wheels stand.
 
-    Needs Chromium and the package playwright.
+    Without a model the robot weaves. Needs Chromium and the package playwright.
 
-    Example: klab bench stop --presses 10
+    Example: klab bench stop --presses 10 --model runs/model.npz
     """
     from offboard.console.folder import new_folder
     from offboard.console.session import keeping_the_log
 
-    lab = options.resolve(config, overrides, options.kind_of(robot), url=url)
+    kind = options.kind_of(robot)
+    if model is not None:
+        from koopman_lab.koopman.model import BilinearModel
+
+        loaded = BilinearModel.load(model)
+        kind = kind or (None if config else loaded.robot_kind)
+    lab = options.resolve(config, overrides, kind, url=url)
+    if model is not None:
+        loaded.require_robot(lab.robot.kind)
     listener = options.listen(lab)
     run = new_folder(folder, "stop", lab)
     with keeping_the_log(run), progress("pressing", "stops") as report:
-        found = _press(lab, run, listener, presses, report)
+        found = _press(lab, run, listener, presses, model, report)
     if as_json:
         out.print_json(json.dumps([one._asdict() for one in found]))
     else:
         out.print(_table(found, lab.robot.kind))
+        soon = sum(one.stood_ms <= SOON_MS for one in found)
+        out.print(f"{soon} of {len(found)} stood within {SOON_MS} ms")
 
 
 def _press(
@@ -93,18 +113,21 @@ def _press(
     folder: RunFolder,
     listener: Listener,
     presses: int,
+    model: Path | None,
     report: Report,
 ) -> list[Stop]:
     import numpy as np
 
     from koopman_lab.errors import LabStateError
     from offboard.console.bench_browser import browser, visit
+    from offboard.console.bench_parks import starts
+    from offboard.console.bench_stop_drives import Drive, Parks, Weave
     from offboard.console.supervisor import start_missing, supervised
     from offboard.console.view import HOST, free_port
     from offboard.console.wheels import Wheels
 
     wheels, found = Wheels(listener), list[Stop]()
-    turns = np.random.default_rng(config.seed).integers(FEWEST_TURNS, MOST_TURNS, presses)
+    rng = np.random.default_rng(config.seed)
     with contextlib.ExitStack() as stack:
         lab = stack.enter_context(supervised(config, folder, listener))
         start_missing(lab, set(), folder)
@@ -120,21 +143,28 @@ def _press(
         visit(page, f"http://{HOST}:{port}/")
         page.evaluate(NOTE_WHEN)
         page.locator(READY).wait_for()
-        lab.start("weaver")
-        for count, least in enumerate(turns.tolist()):
-            wheels.turn(least)
+        drive: Drive = Weave(lab)
+        if model is not None:
+            begin = itertools.cycle(starts(config, MOST_STARTS))
+            drive = Parks(lab, config, listener, model, begin)
+        while len(found) < presses:
+            drive.begin()
+            # One that has parked before the press is sent off again.
+            under_way = wheels.turn(int(rng.integers(FEWEST_TURNS, drive.most_turns)))
             v, omega = wheels.speeds
-            by = WAYS[count % len(WAYS)]
+            by = WAYS[len(found) % len(WAYS)]
             if by == BUTTON:
                 page.locator("#stop").click()
             else:
                 page.keyboard.press("Space")
             pressed_us = round(page.evaluate("window.pressed") * US_PER_MS)
             zero_us, stood_us = wheels.stop_after(pressed_us)
-            found.append(Stop(by, v, omega, zero_us / US_PER_MS, stood_us / US_PER_MS))
-            report(count + 1, presses)
+            if under_way:
+                found.append(Stop(by, v, omega, zero_us / US_PER_MS, stood_us / US_PER_MS))
+                report(len(found), presses)
             # Until then the page goes on to stop the robot.
             page.locator(CONFIRMED).wait_for()
+            drive.end()
             _release(listener, wheels)
             lab.check()
     return found
@@ -163,6 +193,7 @@ def _table(found: list[Stop], kind: str) -> Table:
         *((f"{by}: motors at zero", [s.zero_ms for s in found if s.by == by]) for by in WAYS),
         *((f"{by}: wheels stand", [s.stood_ms for s in found if s.by == by]) for by in WAYS),
         (f"wheels stand, from at most {SLOW_M_PER_S:g} m/s", [s.stood_ms for s in slow]),
+        ("wheels stand, from more", [s.stood_ms for s in found if s not in slow]),
     ]
     for what, values in rows:
         spread = np.percentile(values, [50, 99, 100]).tolist() if values else ()

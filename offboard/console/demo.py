@@ -41,7 +41,8 @@ def demo(
 ) -> None:
     """Calibrate, train, park, and show the result.
 
-    In real time over LCM the kinematic robot takes about two and a half --lockstep takes seconds.
+    In real time over LCM the kinematic robot takes about two and a half minutes; --lockstep takes
+    seconds.
 
     Example: klab demo --robot dynamic --lockstep --out runs/demo
     """

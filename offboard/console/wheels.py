@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 MOST_WAITS = 10_000
 """At 200 messages a second, and to start who drives may take a while."""
 WAIT_S = 0.05
+STANDING = 100
+"""Encoder messages without a count after which the robot has arrived: 1 s."""
 MOST_KEPT = 4000
 """Of the newest duties and counts each: 40 s."""
 
@@ -42,25 +44,29 @@ class Wheels:
         listener.subscribe(WHEEL_STATE, self._on_wheels)
         listener.subscribe(ONBOARD_STATUS, self._on_status)
 
-    def turn(self, messages: int = 1) -> None:
-        """Wait until an encoder has counted between so many messages, one after the other.
+    def turn(self, messages: int = 1) -> bool:
+        """Wait until an encoder has counted between so many messages; return whether it turns.
+
+        It does not where the wheels came to stand before, for :data:`STANDING` messages.
 
         Raises
         ------
         LabStateError
-            If it never does.
+            If they never begin to turn.
         """
         self._forget()
-        turned = 0
+        turned = still = 0
 
         def turned_enough() -> bool:
-            nonlocal turned
+            nonlocal turned, still
             while len(self._counts) > 1:
-                turned = 0 if self._same(self._counts[0], self._counts[1]) else turned + 1
+                still = still + 1 if self._same(self._counts[0], self._counts[1]) else 0
+                turned += not still
                 self._counts.popleft()
-            return turned >= messages
+            return (turned >= messages and not still) or (turned > 0 and still >= STANDING)
 
         self._until(turned_enough, "turn")
+        return not still
 
     def stop_after(self, pressed_us: int) -> tuple[int, int]:
         """Return how long after a moment (us) the motors were at zero and the wheels stood (us).
