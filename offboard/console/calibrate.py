@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import ConfigError, LabError, LabStateError
+from koopman_lab.errors import ConfigError, LabError
 from koopman_lab.units import US_PER_S
 from offboard.console import options
 from offboard.console.folder import RunFolder, new_folder
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 LOCKSTEP_LIMIT_S = 100_000.0
 """Virtual time after which a session that never ends is given up."""
-START_LIMIT_S = 30.0
-"""Real time within which the sampler must begin."""
 
 
 def calibrate(
@@ -172,33 +170,30 @@ def _in_real_time(
     import lcmtypes
     from koopman_lab.bus.channels import MOCAP_POSE, ONBOARD_STATUS, SAMPLER_STATE
     from offboard.console.session import in_real_time
+    from offboard.console.watch import StartWatch
 
+    name = config.robot.name
+    start = StartWatch(
+        "sampler",
+        f"{MOCAP_POSE.name(name)} and {ONBOARD_STATUS.name(name)}; are the cameras and the onboard "
+        "loop running?",
+    )
     with progress("calibrating", "segments") as report:
-        began = False
-        first_us: int | None = None
 
         def show_state(state: lcmtypes.sampler_state_t) -> None:
-            nonlocal began
-            began = began or state.phase != lcmtypes.sampler_state_t.WAIT
+            start.begun = start.begun or state.phase != state.WAIT
             report(state.segments_done, state.segments_total, f"{state.samples} samples")
 
         listener.subscribe(SAMPLER_STATE, show_state)
-
-        def watch() -> None:
-            nonlocal first_us
-            now_us = listener.now_us()
-            first_us = first_us or now_us
-            if not began and now_us - first_us > START_LIMIT_S * US_PER_S:
-                raise LabStateError(
-                    f"sampler: has not begun within {START_LIMIT_S:g} s; it waits for "
-                    f"{MOCAP_POSE.name(config.robot.name)} and "
-                    f"{ONBOARD_STATUS.name(config.robot.name)}; are the cameras and the onboard "
-                    "loop running?"
-                )
-
         arguments = ["--resume", str(folder.path)] if resume else []
         facts = in_real_time(
-            config, folder, listener, "sampler", *arguments, resume=resume, watch=watch
+            config,
+            folder,
+            listener,
+            "sampler",
+            *arguments,
+            resume=resume,
+            watch=lambda: start.check(listener.now_us()),
         )
     return facts | {"times_real_time": 1.0}
 

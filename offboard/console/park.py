@@ -22,8 +22,6 @@ STARTS = {"kinematic": (0.0, 0.5, 0.0), "dynamic": (-1.1, -0.53, -42.68)}
 """m, m, degrees: the paper's lab runs, sections 4 and 5.4."""
 AFTER_LIMIT_S = 10.0
 """Time beyond the controller's own limit for waiting and braking."""
-START_LIMIT_S = 30.0
-"""In real time the controller's process starts inside this time as well."""
 
 
 def park(
@@ -164,6 +162,7 @@ def _in_real_time(
 ) -> dict[str, Any]:
     from offboard.console.place import place
     from offboard.console.session import in_real_time
+    from offboard.console.watch import START_LIMIT_S
 
     limit_s = config.controller.time_limit_s
     degrees = map(str, (goal.x1, goal.x2, math.degrees(goal.theta)))

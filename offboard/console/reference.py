@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import LabStateError
 from offboard.console import options
 from offboard.console.folder import RunFolder, new_folder
 from offboard.console.terminal import err, progress
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
 
 LOCKSTEP_LIMIT_S = 100_000.0
 """Virtual time after which a session that never ends is given up."""
-START_LIMIT_S = 30.0
-"""Real time within which the robot must be found ready."""
 
 
 def reference(
@@ -102,34 +99,29 @@ def _in_real_time(
     config: LabConfig, folder: RunFolder, shape: Shape, listener: Listener
 ) -> dict[str, Any]:
     from koopman_lab.bus.channels import MOCAP_POSE, ONBOARD_STATUS, REFERENCE_STATE
-    from koopman_lab.units import US_PER_S
     from offboard.console.session import in_real_time
+    from offboard.console.watch import StartWatch
 
+    name = config.robot.name
+    start = StartWatch(
+        "reference",
+        f"{ONBOARD_STATUS.name(name)}, and for {MOCAP_POSE.name(name)} to show the robot at its "
+        "start; place it there by hand, or see whether cameras and onboard loop are running",
+    )
     with progress("driving", "runs") as report:
-        began = False
-        first_us: int | None = None
 
         def show_state(state: lcmtypes.reference_state_t) -> None:
-            nonlocal began
-            began = began or state.phase not in (state.WAIT, state.PLACE)
+            start.begun = start.begun or state.phase not in (state.WAIT, state.PLACE)
             report(state.runs_done, state.runs_total, _note(state))
 
         listener.subscribe(REFERENCE_STATE, show_state)
-
-        def watch() -> None:
-            nonlocal first_us
-            now_us = listener.now_us()
-            first_us = first_us or now_us
-            if not began and now_us - first_us > START_LIMIT_S * US_PER_S:
-                raise LabStateError(
-                    f"reference: has not begun within {START_LIMIT_S:g} s; it waits for "
-                    f"{ONBOARD_STATUS.name(config.robot.name)}, and for "
-                    f"{MOCAP_POSE.name(config.robot.name)} to show the robot at its start; place "
-                    "it there by hand, or see whether cameras and onboard loop are running"
-                )
-
         return in_real_time(
-            config, folder, listener, "reference", "--shape", shape.name.lower(), watch=watch
+            config,
+            folder,
+            listener,
+            "reference",
+            *("--shape", shape.name.lower()),
+            watch=lambda: start.check(listener.now_us()),
         )
 
 

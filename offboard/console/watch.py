@@ -20,6 +20,8 @@ LISTEN_S = 0.5
 """Five status messages."""
 PATIENCE_S = 3.0
 """For a person who has just stopped the robot, and releases it again."""
+START_LIMIT_S = 30.0
+"""In which a node finds everything that it needs, and begins."""
 REPORT_S = 2.0
 """In which a controller that gives a silent robot up says so itself."""
 
@@ -81,6 +83,37 @@ class RobotWatch:
         if self.commander is None or status.commander in (NOBODY, self.commander):
             return None
         return held(status.commander)
+
+
+class StartWatch:
+    """Refuses to wait for a node that does not begin.
+
+    Parameters
+    ----------
+    node
+        Its name.
+    waits_for
+        What it needs, and what a person can do about it.
+    """
+
+    def __init__(self, node: str, waits_for: str) -> None:
+        self.begun = False
+        """To be set when it has begun."""
+        self._says = f"{node}: has not begun within {START_LIMIT_S:g} s; it waits for {waits_for}"
+        self._first_us: int | None = None
+
+    def check(self, now_us: int) -> None:
+        """Look whether there is still something to wait for; the first look begins the wait.
+
+        Raises
+        ------
+        LabStateError
+            If it has not begun for :data:`START_LIMIT_S`.
+        """
+        if self._first_us is None:
+            self._first_us = now_us
+        if not self.begun and now_us - self._first_us > START_LIMIT_S * US_PER_S:
+            raise LabStateError(self._says)
 
 
 def held(commander: int) -> str:

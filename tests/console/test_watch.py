@@ -6,7 +6,7 @@ import lcmtypes
 from koopman_lab.bus.commanders import commander_number
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import LabStateError
-from offboard.console.watch import PATIENCE_S, RobotWatch
+from offboard.console.watch import PATIENCE_S, START_LIMIT_S, RobotWatch, StartWatch
 
 STATUS = lcmtypes.onboard_status_t
 OWN, OTHER = commander_number(1, 10), commander_number(2, 4711)
@@ -50,3 +50,15 @@ def test_a_silent_robot_is_not_waited_for():
     watch.check(4_000_000)
     with pytest.raises(LabStateError, match="silent for 5 s"):
         watch.check(6_000_000)
+
+
+@pytest.mark.parametrize("opened_us", [0, 10**15])
+def test_a_node_that_does_not_begin_is_waited_for_from_the_first_look_on(opened_us):
+    limit_us = round(START_LIMIT_S * 1e6)
+    start = StartWatch("sampler", "R1_MOCAP_POSE")
+    start.check(opened_us)
+    start.check(opened_us + limit_us)
+    with pytest.raises(LabStateError, match="sampler: has not begun within 30 s; .* R1_MOCAP_POSE"):
+        start.check(opened_us + limit_us + 1)
+    start.begun = True
+    start.check(opened_us + 2 * limit_us)
