@@ -58,7 +58,9 @@ def test_a_node_that_does_not_begin_is_waited_for_from_the_first_look_on(opened_
     start = StartWatch("sampler", "R1_MOCAP_POSE")
     start.check(opened_us)
     start.check(opened_us + limit_us)
-    with pytest.raises(LabStateError, match="sampler: has not begun within 30 s; .* R1_MOCAP_POSE"):
+    with pytest.raises(
+        LabStateError, match=r"sampler: has not begun within 30 s; .* R1_MOCAP_POSE"
+    ):
         start.check(opened_us + limit_us + 1)
     start.begun = True
     start.check(opened_us + 2 * limit_us)
