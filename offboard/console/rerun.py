@@ -14,6 +14,7 @@ from offboard.console import options
 from offboard.console.terminal import err, out, progress
 
 if TYPE_CHECKING:
+    from koopman_lab.bus.channels import Channel
     from koopman_lab.bus.compare import Agreement, Difference
     from koopman_lab.bus.node import Node
     from koopman_lab.config.schema import LabConfig
@@ -33,6 +34,7 @@ class NodeName(str, Enum):
 
     sampler = "sampler"
     controller = "controller"
+    reference = "reference"
     onboard = "onboard"
 
 
@@ -126,6 +128,12 @@ def _build(node: NodeName, config: LabConfig, session: SessionLog, model: Path |
         from offboard.sampler.node import SamplerNode
 
         return SamplerNode(config)
+    if node is NodeName.reference:
+        from koopman_lab.bus.channels import REFERENCE_STATE
+        from offboard.reference.node import ReferenceNode
+        from offboard.reference.shapes import Shape
+
+        return ReferenceNode(config, Shape(_first_of(session, REFERENCE_STATE).shape))
     if model is None:
         raise ConfigError(
             "--model: the controller runs again only with the model of the run; give the file "
@@ -135,11 +143,22 @@ def _build(node: NodeName, config: LabConfig, session: SessionLog, model: Path |
     from koopman_lab.geometry import Pose
     from offboard.controller.node import ControllerNode
 
-    states = session.messages(MPC_STATE)
-    if not states:
-        name = MPC_STATE.name(session.robot_name)
-        raise LogError(f"{session.path}: holds no {name}, so no controller ran in it")
-    return ControllerNode(config, model, Pose(*states[0].goal))
+    return ControllerNode(config, model, Pose(*_first_of(session, MPC_STATE).goal))
+
+
+def _first_of(session: SessionLog, channel: Channel[Any]) -> Any:
+    """Return the first message of a node, which says what it was told to do.
+
+    Raises
+    ------
+    LogError
+        If the log has none.
+    """
+    messages = session.messages(channel)
+    if not messages:
+        name = channel.name(session.robot_name)
+        raise LogError(f"{session.path}: holds no {name}, so the node that says it did not run")
+    return messages[0]
 
 
 def _as_json(agreements: dict[str, Agreement]) -> dict[str, Any]:

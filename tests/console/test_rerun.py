@@ -103,6 +103,16 @@ def test_a_park_in_lockstep_comes_out_the_same_to_the_last_bit(tmp_path):
         assert differing(facts) == 0, facts["differences"]
 
 
+@pytest.mark.parametrize("shape", ["infinity", "square"])
+def test_a_reference_run_in_lockstep_comes_out_the_same_to_the_last_bit(shape, tmp_path):
+    out = tmp_path / shape
+    klab_ok("reference", "--shape", shape, "--runs", "1", "--lockstep", "--out", out)
+    for node in ("reference", "onboard"):
+        facts = again(out, node)
+        assert differing(facts) == facts["beyond"] == 0, facts["differences"]
+        assert facts["equal"] > 500
+
+
 def test_a_change_is_counted_first_and_then_shown_field_by_field(tmp_path):
     config = tmp_path / "changed.yaml"
     config.write_text(
