@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from typing import NamedTuple
 
 _HEADER = struct.Struct(">8xqq")
 """Fingerprint, then utime and sequence: the first two fields of every type of this project."""
@@ -17,6 +18,8 @@ LATEST = 64
 """A message that so many have overtaken counts as lost."""
 MOST_OTHERS = 7
 """Publishers of one stream beside the newest; one more, and the oldest is forgotten."""
+APART = 4
+"""So many are not overtaken by one message: who goes on before such a gap spoke beside it."""
 
 
 peek: Callable[[bytes], tuple[int, int]] = _HEADER.unpack_from
@@ -29,13 +32,23 @@ def restamp(data: bytes, utime: int) -> bytes:
     return _STAMP.pack(data, utime % 2**64) + data[_STAMP.size :]
 
 
+class Gap(NamedTuple):
+    """What looked like a loss: the publisher, what it would have said, said instead, and lost."""
+
+    publisher: int
+    expected: int
+    sequence: int
+    lost: int
+
+
 class SequenceCounter:
     """Counts missing messages of one stream.
 
     A message that was overtaken is missing until it comes; the newest number once more is a
     repetition; any other number lower than expected is a publisher that started, again or beside
     the one before. Where several speak, as the loggers of two commands do, a number belongs to the
-    publisher that it follows most closely.
+    publisher that it follows most closely. One that is heard first after a younger one looks like
+    a loss, until the younger goes on where it was.
     """
 
     def __init__(self) -> None:
@@ -43,19 +56,29 @@ class SequenceCounter:
         self.restarts = 0
         self.publisher = 0
         """Whose the newest message was: how many had started before that one."""
+        self.beside: tuple[int, int, int] | None = None
+        """Of the newest gap that was none: the number behind it, whose it seemed, and whose it is;
+        so are those that followed."""
         self._next: int | None = None
         self._others: list[tuple[int, int]] = []
         """What each of the others would say next, and who it is; the newest last."""
         self._missing: set[int] = set()
+        self._gap: Gap | None = None
+        """The newest of at least :data:`APART`."""
 
     def update(self, sequence: int) -> int:
         """Take the next received number; return how many were missing just before it."""
         if sequence == self._next:
             self._next = sequence + 1
             return 0
+        if self._gap is not None and sequence == self._gap.expected:
+            self._tell_apart(self._gap)
+            return 0
         if sequence in self._missing:
             self._missing.discard(sequence)
             self.lost -= 1
+            # Overtaken: what goes on beside another begins with what was expected.
+            self._gap = None
             return 0
         if self._others:
             self._turn_to_closest(sequence)
@@ -67,14 +90,31 @@ class SequenceCounter:
             oldest = sequence - LATEST
             self._missing = {number for number in self._missing if number >= oldest}
             self._missing.update(range(max(expected, oldest), sequence))
+            if gap >= APART:
+                self._gap = Gap(self.publisher, expected, sequence, gap)
         elif sequence < expected:
             self._others = [*self._others[-MOST_OTHERS + 1 :], (expected, self.publisher)]
             self.restarts += 1
             self.publisher = self.restarts
             self._missing.clear()
+            self._gap = None
         self._next = sequence + 1
         self.lost += gap
         return gap
+
+    def _tell_apart(self, gap: Gap) -> None:
+        """Make two publishers of the one that spoke before a gap and now goes on there."""
+        assert self._next is not None
+        self.restarts += 1
+        after = self.restarts
+        others = [*self._others, (self._next, self.publisher)]
+        self._others = [(n, after if who == gap.publisher else who) for n, who in others]
+        self._others = self._others[-MOST_OTHERS:]
+        self._next, self.publisher = gap.expected + 1, gap.publisher
+        self._missing -= set(range(gap.expected, gap.sequence))
+        self.lost -= gap.lost
+        self.beside = gap.sequence, gap.publisher, after
+        self._gap = None
 
     def _turn_to_closest(self, sequence: int) -> None:
         """Make that publisher the present one whose next number is closest below, or this."""

@@ -280,14 +280,24 @@ def _missing(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
     if np.all(np.diff(sequence) > 0):
         publishers = [sequence]
     else:
-        counter, spoke = SequenceCounter(), []
-        for number in sequence.tolist():
-            counter.update(number)
-            spoke.append(counter.publisher)
-        publisher = np.array(spoke)
-        publishers = [np.unique(sequence[publisher == k]) for k in range(counter.restarts + 1)]
+        publisher = _publishers(sequence)
+        publishers = [np.unique(sequence[publisher == k]) for k in range(publisher.max() + 1)]
     missing = np.concatenate([np.diff(numbers) for numbers in publishers]) - 1
     return missing[missing > 0]
+
+
+def _publishers(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return whose each message (n,) is, counted from 0."""
+    counter, publisher = SequenceCounter(), np.zeros(len(sequence), np.int64)
+    beside = None
+    for k, number in enumerate(sequence.tolist()):
+        counter.update(number)
+        if counter.beside is not None and counter.beside is not beside:
+            beside = first, seemed, whose = counter.beside
+            before = publisher[:k]
+            before[(before == seemed) & (sequence[:k] >= first)] = whose
+        publisher[k] = counter.publisher
+    return publisher
 
 
 def _without_slips(sequence: NDArray[np.int64]) -> NDArray[np.int64]:

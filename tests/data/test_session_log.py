@@ -80,8 +80,10 @@ def test_loss_is_seen_by_sequence_numbers_and_a_restart_is_no_loss(tmp_path):
         ([0, 0, 1, 2, 2], 0, 0),
         ([0, 3, 2, 4, 9, 8], 4, 2),
         ([7, 9, 8, 0, 2], 1, 1),
+        ([0, 54, 1, 55, 2, 56], 0, 0),
+        ([0, 1, 90, 91, 2, 92, 3, 95, 6], 4, 2),
     ],
-    ids=["overtaken", "twice", "overtaken and lost", "started again"],
+    ids=["overtaken", "twice", "overtaken and lost", "started again", "beside", "beside, lost"],
 )
 def test_what_the_radio_overtakes_or_repeats_is_not_lost(tmp_path, numbers, lost, gaps):
     seen = SessionLog(write(tmp_path / "log.lcm", frames(numbers))).channels["R1_MOCAP_POSE"]
