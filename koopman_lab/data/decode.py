@@ -303,9 +303,11 @@ def _publishers(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
 def _without_slips(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the numbers without single far lower ones between rising neighbours.
 
-    Such a one is damage, and no publisher that started again.
+    Such a one is damage, and no publisher that started again, unless numbers next to it are there.
     """
     before, here, after = sequence[:-2], sequence[1:-1], sequence[2:]
+    slips = np.flatnonzero((here < before - LATEST) & (before < after))
+    near = np.isin(here[slips] - 1, sequence) | np.isin(here[slips] + 1, sequence)
     kept = np.ones(len(sequence), bool)
-    kept[1:-1] = ~((here < before - LATEST) & (before < after))
+    kept[1 + slips[~near]] = False
     return sequence[kept]
