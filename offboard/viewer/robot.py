@@ -131,6 +131,12 @@ class RobotView:
         """Return whether what is heard is a log, sent again."""
         return self._old_us is not None and now_us - self._old_us <= REPLAY_MEMORY_S * US_PER_S
 
+    def replay_over(self, now_us: int) -> bool:
+        """Return whether a log was heard last, and all of it."""
+        if self._old_us is None or self.replayed(now_us):
+            return False
+        return self._fresh_us is None or self._fresh_us < self._old_us
+
     def alive(self, now_us: int) -> bool:
         """Return whether somebody speaks for the robot who is no log."""
         return self._fresh_us is not None and now_us - self._fresh_us <= REPLAY_MEMORY_S * US_PER_S
@@ -167,13 +173,14 @@ class RobotView:
         sampler = self._sampler.young(now_us, YOUNG_S)
         wheels = self._wheels.young(now_us, YOUNG_S)
         replayed = self.replayed(now_us)
+        over = self.replay_over(now_us)
         lost_view = pose is not None and not pose.tracking_valid
         tables = self._tables_at(now_us)
         trouble = [self._config_trouble] if self._config_trouble else []
         return {
             "line": self._line(now_us, tables.entries, status, mpc, sampler),
             "banners": words.banners(tables.entries, tables.stale, lost_view=lost_view) + trouble,
-            "replay": replayed,
+            "replay": replayed or over,
             "steerable": not replayed and self.alive(now_us),
             "pose": None if pose is None else numbers(pose.x1_m, pose.x2_m, pose.theta_rad),
             # Since the camera saw it; a log's only since it was said again.
@@ -265,6 +272,8 @@ class RobotView:
         sampler: lcmtypes.sampler_state_t | None,
     ) -> str:
         silent_us = now_us - (self._heard_us or 0)
+        if self.replay_over(now_us):
+            return f"replay: over for {silent_us / US_PER_S:.0f} s"
         if silent_us > REPLAY_MEMORY_S * US_PER_S:
             return f"nothing heard for {silent_us / US_PER_S:.0f} s"
         before = "replay: " if self.replayed(now_us) else ""
@@ -284,6 +293,8 @@ class RobotView:
         return f"{before}the motor loop is silent; heard: {', '.join(speaking) or 'no process'}"
 
     def _stale(self, now_us: int, entries: list[Entry]) -> list[tuple[Stream, float]]:
+        if self.replay_over(now_us):
+            return []
         status = self.status(now_us)
         at_rest = status is not None and status.state == status.REST and not status.commander
         over = words.excused(entries, at_rest=at_rest)

@@ -155,6 +155,24 @@ def test_a_replay_is_known_by_the_times_of_its_messages():
     assert robot["line"].startswith("replay: parking")
 
 
+def test_a_replay_that_is_over_is_no_lab_that_fell_silent():
+    replay = seen("park.lcm", later_us=YEAR_US)
+    robot = robot_of(replay, later_s=30.0)
+    assert robot["replay"]
+    assert not robot["steerable"]
+    assert robot["line"] == "replay: over for 30 s"
+    assert robot["banners"] == []
+    assert not any(flow["stale"] for flow in robot["channels"])
+    # A robot that speaks there since is none.
+    view, now_us = replay
+    status = lcmtypes.onboard_status_t()
+    status.utime = now_us + 40_000_000
+    view.take("R1_ONBOARD_STATUS", status.encode(), status.utime)
+    robot = view.snapshot(status.utime)["R1"]
+    assert not robot["replay"]
+    assert robot["steerable"]
+
+
 def test_a_board_whose_clock_is_wrong_is_no_replay():
     view = LabView(load_config())
     status = lcmtypes.onboard_status_t()

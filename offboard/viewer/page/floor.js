@@ -2,6 +2,7 @@
 const HEADING_M = 0.08; // a shorter drag says where, not which way
 const LINE_PX = 12; // a name higher up would leave the picture
 const MARGIN_M = 0.15;
+const JUMP_M = 0.2; // no robot drives so far between two points of its trail: it was placed anew
 
 export class Floor {
   constructor(canvas, onGoal) {
@@ -76,7 +77,7 @@ export class Floor {
     this.rectangle(Z, colour("set"), [6, 4], "Z");
     this.rectangle(X0, colour("set"), [], "X0");
     this.context.globalAlpha = 0.45;
-    this.path(kept.trail, colour("robot"), 1.5);
+    this.path(kept.trail, colour("robot"), 1.5, JUMP_M);
     this.context.globalAlpha = 1;
     for (const segment of kept.segments) this.path(segment.points, colour("segment"), 3);
     if (shown.driving) this.path(shown.horizon, colour("horizon"), 3);
@@ -134,15 +135,15 @@ export class Floor {
     c.fillText(name, x + 4, y + 13);
   }
 
-  path(points, colour, width) {
+  path(points, colour, width, jump = Infinity) {
     const c = this.context;
     c.strokeStyle = colour; c.lineWidth = width; c.beginPath();
-    let up = true;
+    let last = null;
     for (const [x, y] of points) {
-      if (x === null || y === null) { up = true; continue; }
+      if (x === null || y === null) { last = null; continue; }
       const p = this.at(x, y);
-      if (up) c.moveTo(...p); else c.lineTo(...p);
-      up = false;
+      if (last && Math.hypot(x - last[0], y - last[1]) < jump) c.lineTo(...p); else c.moveTo(...p);
+      last = [x, y];
     }
     c.stroke();
   }

@@ -1,5 +1,6 @@
 // Five plots over the same two minutes, drawn by uPlot.
 const SPAN_S = 120;
+const TICKS_PX = 18; // at least between two marks of the upright axis
 const T = 0, V = 4, V_SET = 5, OMEGA = 6, OMEGA_SET = 7, VALUE = 8, SOLVE = 9, X2 = 10;
 const PLOTS = [
   { title: "value function", columns: [["value", VALUE, "robot"]], log: true, unit: "" },
@@ -59,7 +60,7 @@ export class Plots {
   make({ plot, where }) {
     const css = getComputedStyle(this.section);
     const colour = (name) => css.getPropertyValue(`--${name}`);
-    const axis = { stroke: colour("quiet"), grid: { stroke: colour("line"), width: 0.5 },
+    const axis = { space: TICKS_PX, stroke: colour("quiet"), grid: { stroke: colour("line"), width: 0.5 },
       ticks: { stroke: colour("line"), width: 0.5 }, font: "11px system-ui, sans-serif" };
     const series = [{}].concat(
       plot.columns.map(([label, , name]) => ({ label, stroke: colour(name), width: 1.5, spanGaps: false,
@@ -69,7 +70,7 @@ export class Plots {
     return new window.uPlot({
       width: this.width - 28, height: 120, legend: { show: false }, cursor: { show: false },
       scales: { x: { time: false, range: [-SPAN_S, 0] }, y: plot.log ? { distr: 3 } : {} },
-      axes: [{ ...axis, size: 24 }, plot.log ? { ...axis, size: 56, ...LOG_AXIS } : { ...axis, size: 56 }], series,
+      axes: [{ ...axis, space: 50, size: 24 }, plot.log ? { ...axis, size: 56, ...LOG_AXIS } : { ...axis, size: 56 }], series,
     }, [[0], ...series.slice(1).map(() => [null])], where);
   }
 }
@@ -79,8 +80,11 @@ function describe(plot, rows, intervalMs) {
   const said = plot.columns.map(([label, column]) => {
     const value = newest[column];
     const dashed = label === "set-point" ? " (dashed)" : "";
-    return `${label}${dashed} ${value === null || value === undefined ? "none" : value.toPrecision(3)}`;
+    return `${label}${dashed} ${known(value) ? value.toPrecision(3) : "none"}`;
   });
+  const unit = plot.limit || plot.columns.some(([, column]) => known(newest[column])) ? plot.unit : "";
   const limit = plot.limit ? `, interval (dashed) ${intervalMs}` : "";
-  return `${plot.title}: ${said.join(", ")}${limit} ${plot.unit}${plot.log ? "(logarithmic)" : ""}`;
+  return `${plot.title}: ${said.join(", ")}${limit} ${unit}${plot.log ? "(logarithmic)" : ""}`;
 }
+
+function known(value) { return value !== null && value !== undefined; }
