@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from koopman_lab.bus.channels import split_name
+from koopman_lab.bus.header import header_reader
 from koopman_lab.bus.rerun import Output
-from koopman_lab.bus.sequence import SMALLEST_MESSAGE, peek
 from koopman_lab.config.load import parse_config
 from koopman_lab.errors import ConfigError
 from koopman_lab.units import US_PER_S
@@ -159,7 +159,8 @@ def _numbered(outputs: list[Output]) -> Iterator[tuple[tuple[int | None, int], O
 
 
 def _number(output: Output) -> int | None:
-    return peek(output.data)[1] if len(output.data) >= SMALLEST_MESSAGE else None
+    header = _header(output)
+    return None if header is None else header[1]
 
 
 def _by_time(before: list[Output], after: list[Output]) -> Iterator[Pair]:
@@ -182,7 +183,12 @@ def _by_time(before: list[Output], after: list[Output]) -> Iterator[Pair]:
 
 
 def _utime(output: Output) -> int:
-    return peek(output.data)[0] if len(output.data) >= SMALLEST_MESSAGE else output.at_us
+    header = _header(output)
+    return output.at_us if header is None else header[0]
+
+
+def _header(output: Output) -> tuple[int, int] | None:
+    return header_reader(split_name(output.name)[1].type)(output.data)
 
 
 def _compare(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable
 from typing import Any
 
 from koopman_lab.bus.clock import DriftingClock
+from koopman_lab.bus.header import header_reader, restamp
 from koopman_lab.bus.node import RawHandler
-from koopman_lab.bus.sequence import SMALLEST_MESSAGE, SequenceCounter, peek, restamp
+from koopman_lab.bus.sequence import SequenceCounter
 from koopman_lab.bus.wire import Wire, from_log
 
 
@@ -19,8 +19,8 @@ class Inlet:
     ----------
     name
         Of the channel, on the bus.
-    decode
-        Of the channel's type.
+    message_type
+        Of the channel.
     clock
         The node's own, if it is not that of the bus.
     by_radio
@@ -36,7 +36,7 @@ class Inlet:
     def __init__(
         self,
         name: str,
-        decode: Callable[[bytes], Any],
+        message_type: Any,
         clock: DriftingClock | None,
         *,
         by_radio: bool,
@@ -47,11 +47,13 @@ class Inlet:
         self.by_radio = by_radio
         self.counter = SequenceCounter()
         self.undecodable = 0
+        """Were no message of the channel's type. Only raw handlers have them."""
         self.raw_handlers: list[RawHandler] = []
         self.handlers: list[Callable[[Any], None]] = []
         """Called with the decoded message, after the raw ones."""
         self._name = name
-        self._decode = decode
+        self._decode = message_type.decode
+        self._header = header_reader(message_type)
         self._clock = clock
         self._wire = wire
         self._by_hand = by_hand
@@ -59,8 +61,11 @@ class Inlet:
 
     def receive(self, data: bytes, arrived_us: int) -> None:
         """Hand a message that arrives at ``arrived_us`` of the bus to the handlers."""
-        if len(data) >= SMALLEST_MESSAGE:
-            utime, sequence = peek(data)
+        header = self._header(data)
+        if header is None:
+            self.undecodable += 1
+        else:
+            utime, sequence = header
             if self._wire is not None and not self._wire.takes(utime, arrived_us):
                 return
             if self._by_hand and from_log(utime, arrived_us):
@@ -71,12 +76,8 @@ class Inlet:
         for handle_raw in self.raw_handlers:
             own_us = arrived_us if self._clock is None else self._clock.read(arrived_us)
             handle_raw(self._name, data, own_us)
-        if not self.handlers:
+        if header is None or not self.handlers:
             return
-        try:
-            message = self._decode(data)
-        except (ValueError, struct.error):
-            self.undecodable += 1
-            return
+        message = self._decode(data)
         for handle in self.handlers:
             handle(message)

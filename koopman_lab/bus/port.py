@@ -180,7 +180,7 @@ class BasePort(ABC):
             wired_end = channel.wired and self._node_name in (ABOARD, "plant")
             inlet = self.inlets[name] = Inlet(
                 name,
-                channel.type.decode,
+                channel.type,
                 self._clock,
                 by_radio=self._radio is not None and not channel.wired,
                 wire=Wire() if wired_end and channel.rate != "event" else None,

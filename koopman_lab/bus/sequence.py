@@ -2,17 +2,7 @@
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Callable
 from typing import NamedTuple
-
-_HEADER = struct.Struct(">8xqq")
-"""Fingerprint, then utime and sequence: the first two fields of every type of this project."""
-
-_STAMP = struct.Struct(">8sQ")
-"""The same without the sequence."""
-
-SMALLEST_MESSAGE = _HEADER.size
 
 LATEST = 64
 """A message that so many have overtaken counts as lost."""
@@ -20,16 +10,9 @@ MOST_OTHERS = 7
 """Publishers of one stream beside the newest; one more, and the oldest is forgotten."""
 APART = 4
 """So many are not overtaken by one message: who goes on before such a gap spoke beside it."""
-
-
-peek: Callable[[bytes], tuple[int, int]] = _HEADER.unpack_from
-"""Returns ``(utime, sequence)`` of an encoded message without decoding the rest; raises
-struct.error if the bytes are fewer than the two fields."""
-
-
-def restamp(data: bytes, utime: int) -> bytes:
-    """Return an encoded message with another ``utime``; it wraps as int64 does."""
-    return _STAMP.pack(data, utime % 2**64) + data[_STAMP.size :]
+LARGEST_GAP = 10**9
+"""Whoever is farther ahead is another publisher: the cameras, the fastest of all, take 48 days to
+say so much, and nobody listens so long without a message."""
 
 
 class Gap(NamedTuple):
@@ -45,10 +28,11 @@ class SequenceCounter:
     """Counts missing messages of one stream.
 
     A message that was overtaken is missing until it comes; the newest number once more is a
-    repetition; any other number lower than expected is a publisher that started, again or beside
-    the one before. Where several speak, as the loggers of two commands do, a number belongs to the
-    publisher that it follows most closely. One that is heard first after a younger one looks like
-    a loss, until the younger goes on where it was.
+    repetition; any other number lower than expected, or ahead of it by more than
+    :data:`LARGEST_GAP`, is a publisher that started, again or beside the one before. Where several
+    speak, as the loggers of two commands do, a number belongs to the publisher that it follows most
+    closely. One that is heard first after a younger one looks like a loss, until the younger goes
+    on where it was.
     """
 
     def __init__(self) -> None:
@@ -86,13 +70,14 @@ class SequenceCounter:
         if sequence == expected - 1:
             return 0
         gap = max(0, sequence - expected)
-        if gap:
+        if 0 < gap <= LARGEST_GAP:
             oldest = sequence - LATEST
             self._missing = {number for number in self._missing if number >= oldest}
             self._missing.update(range(max(expected, oldest), sequence))
             if gap >= APART:
                 self._gap = Gap(self.publisher, expected, sequence, gap)
-        elif sequence < expected:
+        elif gap or sequence < expected:
+            gap = 0
             self._others = [*self._others[-MOST_OTHERS + 1 :], (expected, self.publisher)]
             self.restarts += 1
             self.publisher = self.restarts
@@ -111,7 +96,8 @@ class SequenceCounter:
         self._others = [(n, after if who == gap.publisher else who) for n, who in others]
         self._others = self._others[-MOST_OTHERS:]
         self._next, self.publisher = gap.expected + 1, gap.publisher
-        self._missing -= set(range(gap.expected, gap.sequence))
+        between = range(gap.expected, gap.sequence)
+        self._missing = {number for number in self._missing if number not in between}
         self.lost -= gap.lost
         self.beside = gap.sequence, gap.publisher, after
         self._gap = None

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 import lcmtypes
 from koopman_lab.bus.channels import ABOARD, SESSION_INFO, TIME_SYNC, Channel, M, split_name
-from koopman_lab.bus.sequence import LATEST, SMALLEST_MESSAGE, SequenceCounter
+from koopman_lab.bus.header import smallest_size
+from koopman_lab.bus.sequence import LARGEST_GAP, LATEST, SequenceCounter
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.eventlog import Damage
@@ -101,7 +102,7 @@ class SessionLog:
         ]
         self._messages = index_files(files, salvage=salvage, damage=self.damage)
         self.channels = {
-            name: _summary(data, _fingerprint(name)) for name, data in self._messages.items()
+            name: _summary(data, _type_of(name)) for name, data in self._messages.items()
         }
 
     @property
@@ -233,20 +234,27 @@ def _is_of_the_board(name: str) -> bool:
     return _is_ours(name) and split_name(name)[1].publisher == ABOARD
 
 
-def _fingerprint(name: str) -> int | None:
-    """Return how every message of a channel begins, None if the channel is none of this lab."""
-    if not _is_ours(name):
-        return None
-    return int.from_bytes(split_name(name)[1].type._get_packed_fingerprint(), "big")
+def _type_of(name: str) -> Any | None:
+    """Return the type of a channel's messages, None if the channel is none of this lab."""
+    return split_name(name)[1].type if _is_ours(name) else None
 
 
-def _summary(messages: Messages, fingerprint: int | None) -> ChannelSummary:
+def _headers(messages: Messages, message_type: Any) -> NDArray[np.void]:
+    """Return what the messages begin with, those left out that are none of the type.
+
+    Damaged bytes inside a message leave its frame intact, and no number to count by.
+    """
+    headers = messages.heads(messages.sizes >= smallest_size(message_type), _HEADER)
+    known = headers["fingerprint"] == int.from_bytes(message_type._get_packed_fingerprint(), "big")
+    ours: NDArray[np.void] = headers[known]
+    return ours
+
+
+def _summary(messages: Messages, message_type: Any | None) -> ChannelSummary:
     times = messages.arrival_us
     missing, jumps_us = np.zeros(0, np.int64), 0
-    # Damaged bytes inside a message leave its frame intact, and no number to count by.
-    headers = messages.heads(messages.sizes >= SMALLEST_MESSAGE, _HEADER)
-    headers = headers[headers["fingerprint"] == fingerprint] if fingerprint else headers[:0]
-    if len(headers):
+    headers = None if message_type is None else _headers(messages, message_type)
+    if headers is not None and len(headers):
         times = headers["utime"].astype(np.int64)
         sequence = headers["sequence"].astype(np.int64)
         missing, jumps_us = _missing(sequence), _clock_jumps_us(times, sequence)
@@ -277,7 +285,8 @@ def _clock_jumps_us(times: NDArray[np.int64], sequence: NDArray[np.int64]) -> in
 def _missing(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the size of each gap, of each publisher on its own if there are several."""
     sequence = _without_slips(sequence)
-    if np.all(np.diff(sequence) > 0):
+    steps = np.diff(sequence.view(np.uint64))  # as far apart as int64 can be
+    if np.all((sequence[1:] > sequence[:-1]) & (steps <= LARGEST_GAP)):
         publishers = [sequence]
     else:
         publisher = _publishers(sequence)

@@ -108,7 +108,8 @@ def _table(flows: list[Flow]) -> Table:
 
     table = Table()
     columns = ("channel", "rate (Hz)", "nominal", "jitter (ms)", "lost", "bytes", "age (s)")
-    for column in columns:
+    strange = any(flow.undecodable for flow in flows)
+    for column in (*columns, "undecodable") if strange else columns:
         table.add_column(column, justify="right")
     # Names are what a person copies; on a narrow terminal numbers give way.
     table.columns[0].justify = "left"
@@ -121,7 +122,8 @@ def _table(flows: list[Flow]) -> Table:
             "-" if flow.jitter_s is None else f"{flow.jitter_s * MS:.2f}",
             "-" if flow.lost is None else str(flow.lost),
             str(flow.size),
-            f"{flow.age_s:.1f}",
+            "-" if flow.age_s is None else f"{flow.age_s:.1f}",
+            *([str(flow.undecodable)] if strange else []),
         )
     return table
 

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.channels import ABOARD, OPERATOR, Channel
-from koopman_lab.bus.sequence import SMALLEST_MESSAGE, peek
 from koopman_lab.bus.wire import from_log
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
@@ -101,13 +100,11 @@ class RobotView:
         self._tables: _Tables | None = None
 
     def take(self, stream: Stream, channel: Channel[Any], data: bytes, arrived_us: int) -> None:
-        """Take a message of this robot; those that cannot be decoded change nothing here."""
+        """Take a message of this robot, which its stream has taken before."""
         suffix = channel.suffix
         self._streams[suffix] = stream
         self._note_row(arrived_us)
-        if len(data) < SMALLEST_MESSAGE:
-            return
-        self._judge_time(channel, peek(data)[0], arrived_us)
+        self._judge_time(channel, stream.utime, arrived_us)
         kept = self._latest.get(suffix)
         if kept is not None:
             kept.take(data, arrived_us)

@@ -30,7 +30,7 @@ class LabView:
         self._streams = Streams()
 
     def take(self, name: str, data: bytes, arrived_us: int) -> None:
-        """Take a message; what is none of a lab is passed over."""
+        """Take a message; what is none of a lab, or of its channel's type, is passed over."""
         stream = self._streams.take(name, data, arrived_us)
         if stream is None or stream.channel is None:
             return

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from koopman_lab.bus.channels import Channel, split_name
-from koopman_lab.bus.sequence import SMALLEST_MESSAGE, SequenceCounter, peek
+from koopman_lab.bus.header import header_reader
+from koopman_lab.bus.sequence import SequenceCounter
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import BusError
 from koopman_lab.units import US_PER_S
@@ -40,7 +41,9 @@ class Flow(NamedTuple):
     size
         Of the newest message (bytes).
     age_s
-        Since the newest message arrived (s).
+        Since the newest message arrived (s); None if there was none yet.
+    undecodable
+        Were no message of the channel's type, and count for nothing else.
     """
 
     name: str
@@ -50,7 +53,8 @@ class Flow(NamedTuple):
     jitter_s: float | None
     lost: int | None
     size: int
-    age_s: float
+    age_s: float | None
+    undecodable: int
 
 
 class Stream:
@@ -70,19 +74,30 @@ class Stream:
         self.count = 0
         self.heard_us = 0
         """When the newest message arrived (us)."""
+        self.utime = 0
+        """When the newest message was stamped (us), by its sender's clock."""
+        self._undecodable = 0
         self._size = 0
+        self._header = None if channel is None else header_reader(channel.type)
         self._arrivals = array("q", bytes(8 * MOST_ARRIVALS))  # a ring: the oldest is overwritten
         self._counter: SequenceCounter | None = None
         if channel is not None and channel.rate != "event":
             self._counter = SequenceCounter()
 
-    def take(self, data: bytes, arrived_us: int) -> None:
-        """Take a message that arrived at ``arrived_us``."""
+    def take(self, data: bytes, arrived_us: int) -> bool:
+        """Take what arrived at ``arrived_us``; return whether it is a message of the channel."""
+        if self._header is not None:
+            header = self._header(data)
+            if header is None:
+                self._undecodable += 1
+                return False
+            self.utime, sequence = header
+            if self._counter is not None:
+                self._counter.update(sequence)
         self._arrivals[self.count % MOST_ARRIVALS] = arrived_us
         self.count += 1
         self._size, self.heard_us = len(data), arrived_us
-        if self._counter is not None and len(data) >= SMALLEST_MESSAGE:
-            self._counter.update(peek(data)[1])
+        return True
 
     def nominal_hz(self, config: LabConfig) -> float | None:
         """Return the rate that the configuration says, None where it says none."""
@@ -103,7 +118,8 @@ class Stream:
             float(steps.std()) / US_PER_S if len(steps) > 1 else None,
             None if self._counter is None else self._counter.lost,
             self._size,
-            (now_us - self.heard_us) / US_PER_S,
+            (now_us - self.heard_us) / US_PER_S if self.count else None,
+            self._undecodable,
         )
 
 
@@ -114,14 +130,16 @@ class Streams:
         self._streams: dict[str, Stream] = {}
 
     def take(self, name: str, data: bytes, arrived_us: int) -> Stream | None:
-        """Take a message; return its stream, None if there are too many of them."""
+        """Take a message; return its stream.
+
+        None if it is no message of its channel, or there are too many streams.
+        """
         stream = self._streams.get(name)
         if stream is None:
             if len(self._streams) == MOST_STREAMS:
                 return None
             stream = self._streams[name] = Stream(name, _channel(name))
-        stream.take(data, arrived_us)
-        return stream
+        return stream if stream.take(data, arrived_us) else None
 
     def flows(self, now_us: int, config: LabConfig) -> list[Flow]:
         """Return how each channel flows, in alphabetical order."""
