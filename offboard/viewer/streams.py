@@ -6,6 +6,7 @@ from array import array
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from koopman_lab.bus.channels import Channel, split_name
 from koopman_lab.bus.header import header_reader
@@ -16,6 +17,8 @@ from koopman_lab.units import US_PER_S
 
 WINDOW_S = 5.0
 """Rate and jitter are those of so long, or of the last ``MOST_ARRIVALS`` messages."""
+SHORTEST_S = 0.1
+"""Over less nobody knows a rate: it may be a burst, or what came at once."""
 MOST_ARRIVALS = 512
 MOST_STREAMS = 512
 """Names of channels are free on a bus: who invents them endlessly fills no memory here."""
@@ -31,7 +34,7 @@ class Flow(NamedTuple):
     messages
         Heard so far.
     rate_hz
-        Messages per second; None where too few were heard.
+        Messages per second; None where too few were heard, or all at once.
     nominal_hz
         As the configuration says; None for a channel that speaks only on events, or none of ours.
     jitter_s
@@ -109,11 +112,10 @@ class Stream:
         if self.count > MOST_ARRIVALS:
             arrivals = np.roll(arrivals, -(self.count % MOST_ARRIVALS))
         steps = np.diff(arrivals[arrivals >= now_us - WINDOW_S * US_PER_S])
-        span_us = int(steps.sum())
         return Flow(
             self.name,
             self.count,
-            len(steps) * US_PER_S / span_us if span_us else None,
+            _rate_hz(steps),
             self.nominal_hz(config),
             float(steps.std()) / US_PER_S if len(steps) > 1 else None,
             None if self._counter is None else self._counter.lost,
@@ -144,6 +146,21 @@ class Streams:
     def flows(self, now_us: int, config: LabConfig) -> list[Flow]:
         """Return how each channel flows, in alphabetical order."""
         return [self._streams[name].flow(now_us, config) for name in sorted(self._streams)]
+
+
+def _rate_hz(steps_us: NDArray[np.int64]) -> float | None:
+    """Return the rate of what arrived with these steps (us), None where nobody knows it.
+
+    Who looks only now and then finds a batch each time. What the first one holds arrived over a
+    time before it that is not known, so only those that follow it count.
+    """
+    if not len(steps_us):
+        return None
+    first = int(np.argmax(steps_us >= steps_us.mean() / 2))  # the step behind the first batch
+    span_us = int(steps_us[first:].sum())
+    return (
+        (len(steps_us) - first) * US_PER_S / span_us if span_us >= SHORTEST_S * US_PER_S else None
+    )
 
 
 def _channel(name: str) -> Channel[Any] | None:
