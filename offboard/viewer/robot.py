@@ -90,6 +90,8 @@ class RobotView:
                 self._info,
             )
         }
+        self.spoken_us = 0
+        """When somebody spoke last who is no person (us)."""
         self._beats = {c.suffix: node for node, c in channels.HEARTBEATS.items()}
         self._config_yaml = ""
         self._config_trouble = ""
@@ -204,6 +206,7 @@ class RobotView:
         """
         if channel.publisher == OPERATOR:
             return
+        self.spoken_us = arrived_us
         if not from_log(utime, arrived_us):
             self._fresh_us = arrived_us
         elif channel.publisher != ABOARD:

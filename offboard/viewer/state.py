@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from koopman_lab.bus.channels import OPERATOR, Channel
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.units import US_PER_S
 from offboard.viewer.robot import RobotView
-from offboard.viewer.streams import Streams
+from offboard.viewer.streams import GIVES_WAY_S, MOST_STREAMS, Streams
 
 MOST_ROBOTS = 16
 """Names are free on a bus: who invents them endlessly fills no memory here."""
+LEFT_OUT_S = 3.0
+"""So long after its last message it is said that a robot has no place."""
 
 Marks = tuple[tuple[str, int, int], ...]
 """By robot: its name, the row and the segment that a page wants next."""
@@ -28,6 +32,8 @@ class LabView:
         self.robots: dict[str, RobotView] = {}
         self._config = config
         self._streams = Streams()
+        self._left_out: tuple[str, int] | None = None
+        """The newest robot without a place, and when it spoke (us)."""
 
     def take(self, name: str, data: bytes, arrived_us: int) -> None:
         """Take a message; what is none of a lab, or of its channel's type, is passed over."""
@@ -37,14 +43,18 @@ class LabView:
         robot_name = name[: -len(stream.channel.suffix) - 1]
         robot = self.robots.get(robot_name)
         if robot is None:
-            if len(self.robots) == MOST_ROBOTS:
+            robot = self._place(robot_name, stream.channel, arrived_us)
+            if robot is None:
                 return
-            robot = self.robots[robot_name] = RobotView(robot_name, self._config)
         robot.take(stream, stream.channel, data, arrived_us)
 
     def snapshot(self, now_us: int) -> dict[str, Any]:
         """Return what every page shows now: by robot, all but the histories."""
-        return {name: self.robots[name].snapshot(now_us) for name in sorted(self.robots)}
+        shown = {name: self.robots[name].snapshot(now_us) for name in sorted(self.robots)}
+        for note in self._notes(now_us):
+            for robot in shown.values():
+                robot["banners"].append(note)
+        return shown
 
     def histories(self, marks: Marks) -> tuple[dict[str, Any], Marks]:
         """Return what a page does not have yet, and what it wants next.
@@ -66,3 +76,40 @@ class LabView:
             }
             following.append((name, robot.rows.next, robot.collected.paths.next))
         return news, tuple(following)
+
+    def _place(self, name: str, channel: Channel[Any], now_us: int) -> RobotView | None:
+        """Return the view of a robot that speaks for the first time, None if it has no place.
+
+        What a person says to a robot is no robot: its name may be a slip.
+        """
+        if channel.publisher == OPERATOR:
+            return None
+        if len(self.robots) == MOST_ROBOTS:
+            silent = min(self.robots.values(), key=lambda robot: robot.spoken_us)
+            if now_us - silent.spoken_us < GIVES_WAY_S * US_PER_S:
+                self._left_out = name, now_us
+                return None
+            del self.robots[silent.name]
+        robot = self.robots[name] = RobotView(name, self._config)
+        return robot
+
+    def _notes(self, now_us: int) -> list[str]:
+        """Return what is not on the page."""
+        notes = []
+        if self._left_out is not None and _lately(self._left_out[1], now_us):
+            name = self._left_out[0]
+            notes.append(
+                f"{name} speaks as well, but {MOST_ROBOTS} robots have all the places here: STOP "
+                f"does not reach it from this page; `klab estop --robot-name {name}` does"
+            )
+        full_us = self._streams.full_us
+        if full_us is not None and _lately(full_us, now_us):
+            notes.append(
+                f"more than {MOST_STREAMS} channels speak on this bus; what the others say is not "
+                "shown"
+            )
+        return notes
+
+
+def _lately(at_us: int, now_us: int) -> bool:
+    return now_us - at_us <= LEFT_OUT_S * US_PER_S

@@ -23,6 +23,12 @@ MOST_ARRIVALS = 512
 MOST_STREAMS = 512
 """Names of channels are free on a bus: who invents them endlessly fills no memory here."""
 
+GIVES_WAY_S = 10.0
+"""Who was silent for so long, a hundred messages of a motor loop, gives its place to who speaks, if
+there is no other."""
+LOOK_S = 1.0
+"""So often a place is looked for."""
+
 
 class Flow(NamedTuple):
     """How a channel flows at one time.
@@ -130,6 +136,9 @@ class Streams:
 
     def __init__(self) -> None:
         self._streams: dict[str, Stream] = {}
+        self._look_us = 0
+        self.full_us: int | None = None
+        """When the newest message came that found no place (us)."""
 
     def take(self, name: str, data: bytes, arrived_us: int) -> Stream | None:
         """Take a message; return its stream.
@@ -138,10 +147,20 @@ class Streams:
         """
         stream = self._streams.get(name)
         if stream is None:
-            if len(self._streams) == MOST_STREAMS:
+            if len(self._streams) == MOST_STREAMS and not self._make_room(arrived_us):
+                self.full_us = arrived_us
                 return None
             stream = self._streams[name] = Stream(name, _channel(name))
         return stream if stream.take(data, arrived_us) else None
+
+    def _make_room(self, now_us: int) -> bool:
+        """Forget who was silent for long; return whether there is a place now."""
+        if now_us < self._look_us:
+            return False
+        self._look_us = now_us + round(LOOK_S * US_PER_S)
+        heard_us = now_us - GIVES_WAY_S * US_PER_S
+        self._streams = {n: s for n, s in self._streams.items() if s.heard_us > heard_us}
+        return len(self._streams) < MOST_STREAMS
 
     def flows(self, now_us: int, config: LabConfig) -> list[Flow]:
         """Return how each channel flows, in alphabetical order."""

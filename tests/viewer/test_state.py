@@ -274,3 +274,44 @@ def test_memory_stays_bounded_however_long_the_lab_runs():
         view.take("R1_MOCAP_POSE", pose, k * 50_000)
     rows = view.histories(())[0]["R1"]["rows"]
     assert (rows["first"], rows["begin"], len(rows["items"])) == (2600, 2600, 2400)
+
+
+def speak(view, name, now_us, channel=channels.ONBOARD_STATUS):
+    message = channel.type()
+    message.utime = now_us
+    view.take(channel.name(name), message.encode(), now_us)
+
+
+def test_a_robot_that_fell_silent_gives_its_place_to_one_that_speaks():
+    view = LabView(load_config())
+    for now_us in range(0, 2_000_000, 100_000):
+        for k in range(16):
+            speak(view, f"GHOST{k}", now_us)
+    speak(view, "GHOST3", 9_000_000)
+    speak(view, "R1", 10_000_000)
+    notes = [robot["banners"][-1] for robot in view.snapshot(10_000_000).values()]
+    assert len(notes) == 16
+    assert {"klab estop --robot-name R1" in note for note in notes} == {True}
+    speak(view, "R1", 12_000_000)
+    speak(view, "GHOST3", 12_000_000)
+    shown = view.snapshot(13_500_000)
+    assert {"R1", "GHOST3"} < shown.keys()
+    assert len(shown) == 16
+    assert not any("klab estop" in note for robot in shown.values() for note in robot["banners"])
+
+
+def test_names_that_fell_silent_leave_room_for_a_robots_channels():
+    view = LabView(load_config())
+    for k in range(600):
+        view.take(f"GHOST{k}", b"", 0)
+    speak(view, "R1", 0)
+    assert view.snapshot(0) == {}
+    speak(view, "R1", 11_000_000)
+    assert view.snapshot(11_000_000)["R1"]["banners"] == []
+
+
+def test_who_is_only_spoken_to_is_no_robot():
+    view = LabView(load_config())
+    for channel in (channels.ESTOP, channels.GOAL, channels.FAULT, channels.PLANT_RESET):
+        speak(view, "R9", 0, channel)
+    assert view.snapshot(0) == {}
