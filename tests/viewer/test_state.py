@@ -173,6 +173,23 @@ def test_a_replay_that_is_over_is_no_lab_that_fell_silent():
     assert robot["steerable"]
 
 
+def test_what_waited_while_a_process_stood_still_is_no_replay():
+    view, now_us = seen("park.lcm", until_us=3_000_000)
+    events = [e for e in read_events(REFERENCE / "park.lcm") if e.timestamp_us > 3_000_000]
+    # All that was said since is read at once, half a minute late; then the robot speaks on.
+    now_us += 30_000_000
+    for k, event in enumerate(events):
+        view.take(event.channel, event.data, now_us + 20 * k)
+    robot = view.snapshot(now_us + 100_000)["R1"]
+    assert not robot["replay"]
+    assert not robot["steerable"]
+    speak(view, "R1", now_us + 200_000)
+    robot = view.snapshot(now_us + 200_000)["R1"]
+    assert not robot["replay"]
+    assert robot["steerable"]
+    assert not robot["line"].startswith("replay")
+
+
 def test_a_board_whose_clock_is_wrong_is_no_replay():
     view = LabView(load_config())
     status = lcmtypes.onboard_status_t()
