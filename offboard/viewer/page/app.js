@@ -155,8 +155,9 @@ function health(robot) {
   const said = robot.replay ? [] : robot.processes.filter((entry) => entry.state !== "finished");
   const bad = said.filter((entry) => entry.state !== "alive");
   const lost = robot.channels.reduce((sum, flow) => sum + (flow.lost ?? 0), 0);
-  const alive = bad.length ? `${said.length - bad.length} of ${said.length} processes alive` : `${said.length} processes alive`;
-  text("health", `${said.length ? `${alive}, ` : ""}${lost ? `${lost} messages lost` : "nothing lost"}`);
+  const alive = `${bad.length ? `${said.length - bad.length} of ` : ""}${said.length} processes alive, `;
+  const missing = lost ? `${lost} message${lost === 1 ? "" : "s"} lost` : "nothing lost";
+  text("health", `${said.length ? alive : ""}${missing}`);
   get("health").classList.toggle("bad", bad.length > 0);
 }
 

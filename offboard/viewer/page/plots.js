@@ -11,7 +11,7 @@ const PLOTS = [
   { title: "x2 deviation from the goal", columns: [["x2", X2, "robot"]], least: [-0.01, 0.01], unit: "m" },
 ];
 
-const LOG_AXIS = { grid: { show: false }, ticks: { show: false },
+const LOG_AXIS = { space: 30, grid: { show: false }, ticks: { show: false },
   values: (chart, marks) => marks.map((mark) => (mark === null ? "" : mark.toExponential(0))) };
 
 export class Plots {
