@@ -37,7 +37,8 @@ def open_lcm(config: LabConfig) -> lcm.LCM:
     except (RuntimeError, ValueError, OSError):
         raise BusError(
             f"bus.url {config.bus.url}: LCM cannot open it. Most often there is no route for "
-            f"multicast; this makes one: {route_remedy(config.bus.url)}. `klab doctor` looks closer."
+            f"multicast; this makes one: {route_remedy(config.bus.url)}. "
+            "`klab doctor` looks closer."
         ) from None
 
 
