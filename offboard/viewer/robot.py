@@ -98,6 +98,7 @@ class RobotView:
         self._beats = {c.suffix: node for node, c in channels.HEARTBEATS.items()}
         self._config_yaml = ""
         self._config_trouble = ""
+        self._assumed = True
         self._heard_us: int | None = None
         self._row_due_us = 0
         self._old_us: int | None = None
@@ -201,6 +202,7 @@ class RobotView:
             "horizon": [] if mpc is None else horizon(mpc),
             "sampler": None if sampler is None else progress(sampler),
             **self._settled,
+            "assumed": self._assumed,
             "channels": tables.channels,
             "processes": tables.processes,
         }
@@ -230,6 +232,7 @@ class RobotView:
         try:
             self.config = parse_config(info.config_yaml, channels.SESSION_INFO.name(self.name))
             self._settled = settled(self.config)
+            self._assumed = False
         except ConfigError:
             self._config_trouble = (
                 "the session's configuration is none of this version; sets and limits shown are "
@@ -298,9 +301,13 @@ class RobotView:
             return before + words.referring(reference)
         if status is not None:
             nobody = "" if status.commander else ", nobody commands it"
-            return f"{before}{words.standing(status)}{nobody}"
-        speaking = [entry.name for entry in entries if entry.state == ALIVE]
-        return f"{before}the motor loop is silent; heard: {', '.join(speaking) or 'no process'}"
+            return f"{before}{words.standing(status)}{nobody}{self._doubt()}"
+        speaking = ", ".join(entry.name for entry in entries if entry.state == ALIVE)
+        return f"{before}the motor loop is silent; heard: {speaking or 'no process'}{self._doubt()}"
+
+    def _doubt(self) -> str:
+        """Return what to add while nobody drives: a session says its configuration, a lab none."""
+        return "; size and sets as this viewer assumes" if self._assumed else ""
 
     def _stale(self, now_us: int, entries: list[Entry]) -> list[tuple[Stream, float]]:
         if self.replay_over(now_us):

@@ -8,7 +8,7 @@ import pytest
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.config.load import load_config
+from koopman_lab.config.load import dump_config, load_config
 from koopman_lab.data.eventlog import read_events
 from offboard.viewer.json_values import number
 from offboard.viewer.robot import ROW_S
@@ -332,3 +332,18 @@ def test_who_is_only_spoken_to_is_no_robot():
     for channel in (channels.ESTOP, channels.GOAL, channels.FAULT, channels.PLANT_RESET):
         speak(view, "R9", 0, channel)
     assert view.snapshot(0) == {}
+
+
+def test_size_and_sets_are_marked_as_assumed_until_a_session_says_them():
+    view = LabView(load_config())
+    speak(view, "R1", 0)
+    robot = view.snapshot(0)["R1"]
+    assert robot["assumed"]
+    assert robot["line"].endswith("; size and sets as this viewer assumes")
+    info = lcmtypes.session_info_t()
+    info.config_yaml = dump_config(load_config(overrides=["robot.track_width_m=0.5"]))
+    view.take("R1_SESSION_INFO", info.encode(), 600_000)
+    robot = view.snapshot(600_000)["R1"]
+    assert not robot["assumed"]
+    assert "assumes" not in robot["line"]
+    assert robot["robot"]["track_width_m"] == 0.5
