@@ -9,12 +9,15 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import logging
+import math
 from collections.abc import AsyncIterator, Callable, Coroutine
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
+from starlette.requests import HTTPConnection
 from starlette.requests import Request as HttpRequest
 from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
@@ -25,6 +28,7 @@ from koopman_lab.errors import LabError
 from offboard.orders import WAIT_S
 from offboard.viewer.desk import Desk
 from offboard.viewer.guard import Guard
+from offboard.viewer.refusals import Refusals
 from offboard.viewer.request import LARGEST_BYTES, RequestError, parse_request
 from offboard.viewer.state import Marks
 
@@ -33,6 +37,16 @@ SNAPSHOT_S = 0.05
 MOST_CLIENTS = 32
 BAD_DATA, POLICY, TOO_MANY = 1003, 1008, 1013
 """Reasons for closing, as RFC 6455 and its registry number them."""
+LARGEST_FRAME = LARGEST_BYTES * 4
+"""Bytes; a longer frame closes the connection before it is read."""
+BROKEN = {
+    1002: "a frame that breaks the protocol",
+    1007: "a frame that is no UTF-8",
+    1009: f"a frame of more than {LARGEST_FRAME} bytes",
+}
+"""What the web server itself refuses, by the number it closes the connection with."""
+BAD_REQUEST = 400
+UNKNOWN = "unknown client"
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
@@ -53,13 +67,13 @@ class Server:
     guard
         Says who is let in.
     log
-        Takes a line about each request that was refused.
+        Takes lines about requests that were refused.
     """
 
     def __init__(self, desk: Desk, guard: Guard, log: Log) -> None:
         self._desk = desk
         self._guard = guard
-        self._log = log
+        self._refusals = Refusals(log)
         self._clients = 0
         self._insisting = False
         self._tick = asyncio.Event()
@@ -77,9 +91,17 @@ class Server:
     async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
         del app
         work = asyncio.create_task(self._work())
+        # Of what is no HTTP the web server tells nobody but its log.
+        log = logging.getLogger("uvicorn.error")
+        level = log.level
+        log.setLevel(logging.INFO)
+        log.addFilter(self._overhear)
         try:
             yield
         finally:
+            log.removeFilter(self._overhear)
+            log.setLevel(level)
+            self._refusals.work(math.inf)
             work.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await work
@@ -90,6 +112,7 @@ class Server:
         due_s = clock()
         while True:
             self._desk.work()
+            self._refusals.work(clock())
             if self._clients:
                 now_us = self._desk.now_us()
                 robots = json.dumps(self._desk.view.snapshot(now_us), allow_nan=False)
@@ -116,18 +139,19 @@ class Server:
     async def _page(self, request: HttpRequest) -> Response:
         objection = self._guard.objection(request.headers, request.query_params)
         if objection is not None:
-            self._refused(objection)
+            self._refused(request, "page", objection)
             return PlainTextResponse(f"refused: {objection}\n", 403)
         return FileResponse(PAGE / "index.html", headers=HEADERS)
 
     async def _socket(self, socket: WebSocket) -> None:
         objection = self._guard.objection(socket.headers, socket.query_params)
         if objection is not None:
-            self._refused(objection)
+            self._refused(socket, "socket", objection)
             await socket.close(POLICY)
             return
         await socket.accept()
         if self._clients == MOST_CLIENTS:
+            self._refused(socket, "client", f"{MOST_CLIENTS} pages are open, the most there may be")
             await socket.close(TOO_MANY)
             return
         self._clients += 1
@@ -159,16 +183,18 @@ class Server:
         while True:
             message = await socket.receive()
             if message["type"] == "websocket.disconnect":
+                if message.get("code") in BROKEN:
+                    self._refused(socket, "frame", BROKEN[message["code"]])
                 return
             text = message.get("text")
             if text is None:
-                self._refused("a binary frame")
+                self._refused(socket, "frame", "a binary frame")
                 await socket.close(BAD_DATA)
                 return
             try:
                 request = parse_request(text)
             except RequestError as error:
-                self._refused(str(error))
+                self._refused(socket, "request", str(error))
                 await socket.close(POLICY)
                 return
             reply = partial(self._reply, socket, request.robot)
@@ -176,7 +202,7 @@ class Server:
                 self._desk.ask(request, socket, reply)
                 self._keep(self._insist())
             except LabError as error:
-                self._refused(str(error))
+                self._refused(socket, "order", str(error))
                 reply(False, str(error))
 
     def _reply(self, socket: WebSocket, robot: str, good: bool, said: str) -> None:
@@ -192,9 +218,16 @@ class Server:
         self._pending.add(task)
         task.add_done_callback(self._pending.discard)
 
-    def _refused(self, why: str) -> None:
-        self._log(f"refused: {why}")
+    def _refused(self, connection: HTTPConnection | None, kind: str, why: str) -> None:
+        client = None if connection is None else connection.client
+        now_s = asyncio.get_running_loop().time()
+        self._refusals.note(UNKNOWN if client is None else client.host, kind, why, now_s)
 
-
-LARGEST_FRAME = LARGEST_BYTES * 4
-"""Bytes; a longer frame closes the connection before it is read."""
+    def _overhear(self, record: logging.LogRecord) -> bool:
+        """Say as ours what the web server warns of; return whether it is to say it itself."""
+        if record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError):
+            return False  # its connection ends, with a number that tells
+        bad_handshake = isinstance(record.args, tuple) and BAD_REQUEST in record.args
+        if record.levelno == logging.WARNING or bad_handshake:
+            self._refused(None, "http", record.getMessage())
+        return record.levelno > logging.WARNING

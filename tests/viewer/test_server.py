@@ -8,7 +8,8 @@ import subprocess
 import time
 import urllib.error
 import urllib.request
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from socket import create_connection
 
 import pytest
 from klab import KLAB
@@ -122,8 +123,8 @@ def test_the_page_is_served_whole_and_nobody_elses_page_may_use_it(bench):
         urllib.request.urlopen(strange)
     with pytest.raises(InvalidStatus, match="403"):
         connect(bench.address.replace("http", "ws") + "ws", origin="http://evil.example")
-    assert "refused: host 'evil.example'" in bench.process.stderr.readline()
-    assert "refused: origin 'http://evil.example'" in bench.process.stderr.readline()
+    assert "refused 127.0.0.1: host 'evil.example'" in bench.process.stderr.readline()
+    assert "refused 127.0.0.1: origin 'http://evil.example'" in bench.process.stderr.readline()
 
 
 def test_from_outside_only_the_printed_token_opens_page_and_socket():
@@ -134,10 +135,16 @@ def test_from_outside_only_the_printed_token_opens_page_and_socket():
                 urllib.request.urlopen(f"http://127.0.0.1{address}{wrong}")
             with pytest.raises(InvalidStatus, match="403"):
                 connect(f"ws://127.0.0.1{address}ws{wrong}")
-            for _ in range(2):
-                said = process.stderr.readline()
-                assert said == "refused: the address lacks the token that `klab view` printed\n"
-                assert token not in said
+        counted = 0
+        while counted < 8:
+            said = process.stderr.readline()
+            assert said.startswith(
+                "refused 127.0.0.1: the address lacks the token that `klab view`"
+            )
+            assert token not in said
+            more = re.search(r"\(the newest of (\d+)\)", said)
+            counted += int(more.group(1)) if more else 1
+        assert counted == 8
         with urllib.request.urlopen(f"http://127.0.0.1{address}?token={token}") as answer:
             assert "klab view" in answer.read().decode()
         with connect(f"ws://127.0.0.1{address}ws?token={token}", max_size=None) as socket:
@@ -154,6 +161,32 @@ def test_a_client_that_sends_nonsense_is_put_out_and_nothing_moves(bench, frame)
         bench.until(other, lambda robot: robot["steerable"])
     assert not bench.stops
     assert not bench.goals
+
+
+def test_whoever_is_turned_away_is_in_the_servers_words_with_its_address():
+    with serving() as (process, address), ExitStack() as clients:
+        bench, ws = Bench(process, address), address.replace("http", "ws") + "ws"
+        port = int(re.search(r":(\d+)/", address).group(1))
+        with bench.page() as socket:
+            socket.send("x" * 5000)
+            with pytest.raises(ConnectionClosed, match="1009"):
+                bench.read_on(socket)
+        assert process.stderr.readline() == "refused 127.0.0.1: a frame of more than 4096 bytes\n"
+        with create_connection(("127.0.0.1", port)) as raw:
+            raw.sendall(b"\xff\xfe no HTTP\r\n\r\n")
+            assert b" 400 " in raw.recv(100)
+        assert "refused unknown client: Invalid HTTP" in process.stderr.readline()
+        for _ in range(32):
+            clients.enter_context(connect(ws, max_queue=None, max_size=None))
+        with connect(ws) as late, pytest.raises(ConnectionClosed, match="1013"):
+            late.recv(LIMIT_S)
+        said = process.stderr.readline()
+        assert said == "refused 127.0.0.1: 32 pages are open, the most there may be\n"
+        shake = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: no\r\n\r\n"
+        with create_connection(("127.0.0.1", port)) as raw:
+            raw.sendall(f"GET /ws HTTP/1.1\r\nHost: 127.0.0.1\r\n{shake}".encode())
+            assert b" 400 " in raw.recv(100)
+        assert "connection rejected (400" in process.stderr.readline()
 
 
 def test_stop_goes_out_until_it_is_obeyed_and_release_takes_two_steps(bench):
