@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.channels import ABOARD, OPERATOR, Channel
-from koopman_lab.bus.wire import from_log
+from koopman_lab.bus.channels import Channel
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ConfigError
@@ -27,6 +26,7 @@ from offboard.viewer.json_values import (
     settled,
 )
 from offboard.viewer.latest import Latest
+from offboard.viewer.liveness import REPLAY_MEMORY_S, Liveness
 from offboard.viewer.roll import ALIVE, FINISHED, SILENT, Entry, Roll
 from offboard.viewer.streams import Stream
 
@@ -37,11 +37,6 @@ MOST_ROWS = 2400
 """Two minutes."""
 YOUNG_S = 1.0
 """What is older is shown no more as what is."""
-REPLAY_MEMORY_S = 3.0
-"""So long after its last message a replay still counts as going on."""
-BACKLOG_S = 0.5
-"""So long old messages keep coming before they count as a replay. What waited for a process that
-stood still is read in less than 0.1 s, all of it."""
 TABLES_S = 0.5
 """A person reads no faster."""
 
@@ -76,6 +71,7 @@ class RobotView:
         self.config = config
         self._settled = settled(config)
         self.roll = Roll()
+        self.liveness = Liveness()
         self.collected = Collected()
         self.rows: History[Row] = History(MOST_ROWS)
         self._streams: dict[str, Stream] = {}
@@ -93,18 +89,12 @@ class RobotView:
                 self._info,
             )
         }
-        self.spoken_us = 0
-        """When somebody spoke last who is no person (us)."""
         self._beats = {c.suffix: node for node, c in channels.HEARTBEATS.items()}
         self._config_yaml = ""
         self._config_trouble = ""
         self._assumed = True
         self._heard_us: int | None = None
         self._row_due_us = 0
-        self._old_us: int | None = None
-        self._old_since_us = 0
-        self._replay_us: int | None = None
-        self._fresh_us: int | None = None
         self._tables: _Tables | None = None
 
     def take(self, stream: Stream, channel: Channel[Any], data: bytes, arrived_us: int) -> None:
@@ -112,7 +102,7 @@ class RobotView:
         suffix = channel.suffix
         self._streams[suffix] = stream
         self._note_row(arrived_us)
-        self._judge_time(channel, stream.utime, arrived_us)
+        self.liveness.judge(channel, stream.utime, arrived_us)
         kept = self._latest.get(suffix)
         if kept is not None:
             kept.take(data, arrived_us)
@@ -134,18 +124,11 @@ class RobotView:
 
     def replayed(self, now_us: int) -> bool:
         """Return whether what is heard is a log, sent again."""
-        heard_us = self._replay_us
-        return heard_us is not None and now_us - heard_us <= REPLAY_MEMORY_S * US_PER_S
-
-    def replay_over(self, now_us: int) -> bool:
-        """Return whether a log was heard last, and all of it."""
-        if self._replay_us is None or self.replayed(now_us):
-            return False
-        return self._fresh_us is None or self._fresh_us < self._replay_us
+        return self.liveness.replayed(now_us)
 
     def alive(self, now_us: int) -> bool:
         """Return whether somebody speaks for the robot who is no log."""
-        return self._fresh_us is not None and now_us - self._fresh_us <= REPLAY_MEMORY_S * US_PER_S
+        return self.liveness.alive(now_us)
 
     def status(self, now_us: int) -> lcmtypes.onboard_status_t | None:
         """Return what the motor loop said last, None while it is silent."""
@@ -179,7 +162,7 @@ class RobotView:
         sampler = self._sampler.young(now_us, YOUNG_S)
         wheels = self._wheels.young(now_us, YOUNG_S)
         replayed = self.replayed(now_us)
-        over = self.replay_over(now_us)
+        over = self.liveness.replay_over(now_us)
         lost_view = pose is not None and not pose.tracking_valid
         tables = self._tables_at(now_us)
         trouble = [self._config_trouble] if self._config_trouble else []
@@ -206,23 +189,6 @@ class RobotView:
             "channels": tables.channels,
             "processes": tables.processes,
         }
-
-    def _judge_time(self, channel: Channel[Any], utime: int, arrived_us: int) -> None:
-        """Tell what is said now from what a log said once; the board's clock may be wrong.
-
-        What a person says to a robot, here or elsewhere, is no sign of the robot.
-        """
-        if channel.publisher == OPERATOR:
-            return
-        self.spoken_us = arrived_us
-        if not from_log(utime, arrived_us):
-            self._fresh_us = arrived_us
-        elif channel.publisher != ABOARD:
-            before_us, self._old_us = self._old_us, arrived_us
-            if before_us is None or arrived_us - before_us > REPLAY_MEMORY_S * US_PER_S:
-                self._old_since_us = arrived_us
-            if arrived_us - self._old_since_us >= BACKLOG_S * US_PER_S:
-                self._replay_us = arrived_us
 
     def _learn_config(self) -> None:
         info = self._info.read()
@@ -285,7 +251,7 @@ class RobotView:
         sampler: lcmtypes.sampler_state_t | None,
     ) -> str:
         silent_us = now_us - (self._heard_us or 0)
-        if self.replay_over(now_us):
+        if self.liveness.replay_over(now_us):
             return f"replay: over for {silent_us / US_PER_S:.0f} s"
         if silent_us > REPLAY_MEMORY_S * US_PER_S:
             return f"nothing heard for {silent_us / US_PER_S:.0f} s"
@@ -310,7 +276,7 @@ class RobotView:
         return "; size and sets as this viewer assumes" if self._assumed else ""
 
     def _stale(self, now_us: int, entries: list[Entry]) -> list[tuple[Stream, float]]:
-        if self.replay_over(now_us):
+        if self.liveness.replay_over(now_us):
             return []
         status = self.status(now_us)
         at_rest = status is not None and status.state == status.REST and not status.commander

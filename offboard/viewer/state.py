@@ -85,8 +85,8 @@ class LabView:
         if channel.publisher == OPERATOR:
             return None
         if len(self.robots) == MOST_ROBOTS:
-            silent = min(self.robots.values(), key=lambda robot: robot.spoken_us)
-            if now_us - silent.spoken_us < GIVES_WAY_S * US_PER_S:
+            silent = min(self.robots.values(), key=lambda robot: robot.liveness.spoken_us)
+            if now_us - silent.liveness.spoken_us < GIVES_WAY_S * US_PER_S:
                 self._left_out = name, now_us
                 return None
             del self.robots[silent.name]
