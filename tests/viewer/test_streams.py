@@ -6,6 +6,7 @@ import pytest
 import lcmtypes
 from koopman_lab.bus.channels import MOCAP_POSE
 from koopman_lab.config.load import load_config
+from offboard.console.topics import _table
 from offboard.viewer.streams import MOST_ARRIVALS, WINDOW_S, Stream
 
 CONFIG = load_config()
@@ -73,3 +74,16 @@ def test_what_arrived_before_the_window_has_no_rate():
     flow = heard([0, 10_000, 20_000]).flow(round((WINDOW_S + 1.0) * 1e6), CONFIG)
     assert (flow.rate_hz, flow.jitter_s) == (None, None)
     assert flow.messages == 3
+
+
+def test_bytes_of_another_type_are_counted_apart_and_shown_in_a_column_of_their_own():
+    stream = Stream(MOCAP_POSE.name("R1"), MOCAP_POSE)
+    for data in (b"", bytes(60), lcmtypes.estop_t().encode()):
+        stream.take(data, 1_000_000)
+    flow = stream.flow(2_000_000, CONFIG)
+    assert (flow.messages, flow.rate_hz, flow.lost, flow.age_s) == (0, None, 0, None)
+    assert flow.undecodable == 3
+    table = _table([flow, heard([0]).flow(2_000_000, CONFIG)])
+    assert table.columns[-1].header == "undecodable"
+    assert list(table.columns[-1].cells) == ["3", "0"]
+    assert list(table.columns[-2].cells) == ["-", "2.0"]
