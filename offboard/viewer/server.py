@@ -57,6 +57,16 @@ HEADERS = {
 Log = Callable[[str], None]
 
 
+class _Newest(StaticFiles):
+    """Files that a browser asks for again: an old script does not fit the page of a new version."""
+
+    def file_response(self, *args: Any, **kwargs: Any) -> Response:
+        """Answer with the file, or that it is still the one that the browser has."""
+        answer = super().file_response(*args, **kwargs)
+        answer.headers["Cache-Control"] = HEADERS["Cache-Control"]
+        return answer
+
+
 class Server:
     """The web application around a desk.
 
@@ -83,7 +93,7 @@ class Server:
         routes = [
             Route("/", self._page),
             WebSocketRoute("/ws", self._socket),
-            Mount("/static", StaticFiles(directory=PAGE)),
+            Mount("/static", _Newest(directory=PAGE)),
         ]
         self.app = Starlette(routes=routes, lifespan=self._lifespan)
 

@@ -118,6 +118,7 @@ def test_the_page_is_served_whole_and_nobody_elses_page_may_use_it(bench):
     for part in parts:
         with urllib.request.urlopen(bench.address + part) as answer:
             assert answer.read()
+            assert answer.headers["Cache-Control"] == "no-cache"
     strange = urllib.request.Request(bench.address, headers={"Host": "evil.example"})
     with pytest.raises(urllib.error.HTTPError, match="403"):
         urllib.request.urlopen(strange)
