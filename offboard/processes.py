@@ -25,7 +25,8 @@ class Process(NamedTuple):
     stopped_by: str
 
 
-STARTER = "the command that started it, by Ctrl-C or `klab down`"
+_COMMAND = "the command that started it"
+STARTER = f"{_COMMAND}, by Ctrl-C or `klab down`"
 PROCESSES: tuple[Process, ...] = (
     Process("sampler", ("onboard", "logger"), "itself when done, or `klab calibrate`"),
     Process("controller", ("onboard", "logger"), "itself when done, or `klab park`"),
@@ -44,3 +45,10 @@ NAMES = tuple(process.name for process in PROCESSES)
 def died(message: lcmtypes.process_t) -> str:
     """Return in words which process died, and how."""
     return f"{message.name} died ({message.ended})"
+
+
+def who_stops(process: Process, told: lcmtypes.process_t | None) -> str:
+    """Return in words who may stop a process; a command that speaks of it, by its number."""
+    if told is None:
+        return process.stopped_by
+    return process.stopped_by.replace(_COMMAND, f"process {told.supervisor_pid} that started it")

@@ -23,7 +23,7 @@ from koopman_lab.mpc.compiled import cache_folder
 from koopman_lab.units import US_PER_S
 from offboard.console.folder import RunFolder
 from offboard.processes import PROCESSES
-from offboard.viewer.roll import ALIVE, DIED, Entry
+from offboard.viewer.roll import ALIVE, DIED, STARTING, Entry
 
 FOLDER = "labs"
 """In the user's cache folder."""
@@ -123,13 +123,19 @@ def broken(url: str, now_us: int) -> dict[str, list[Entry]]:
 def with_broken(
     heard: dict[str, list[Entry]], lost: dict[str, list[Entry]]
 ) -> dict[str, list[Entry]]:
-    """Return who is heard, and beside them who is not any more because it broke."""
+    """Return who is heard, and beside them who is not any more because it broke.
+
+    Who speaks and was started by hand has taken the place of what broke. A command would have taken
+    the note away: what it says of its processes is about others of the same name.
+    """
     both = {name: list(entries) for name, entries in heard.items()}
     for robot, entries in lost.items():
-        known = {e.name: e.state for e in both.get(robot, ())}
-        told = {name for name, state in known.items() if state in (ALIVE, DIED)}
-        gone = [entry for entry in entries if entry.name not in told]
-        rest = [e for e in both.get(robot, ()) if e.name not in {g.name for g in gone}]
+        here = both.get(robot, [])
+        again = {e.name for e in here if e.state == ALIVE and e.told is None}
+        known = {e.pid for e in here if e.state in (ALIVE, DIED)}
+        gone = [e for e in entries if e.name not in again and e.pid not in known]
+        names = {e.name for e in gone}
+        rest = [e for e in here if e.state in (ALIVE, STARTING, DIED) or e.name not in names]
         if gone:
             both[robot] = rest + gone
     return both

@@ -132,9 +132,8 @@ def _show(found: dict[str, list[Entry]]) -> None:
         for e in entries:
             ended = f": {e.told.ended}" if e.told is not None and e.told.ended else ""
             needs = ", ".join(e.needs) or "nothing"
-            table.add_row(
-                robot, e.name, e.state + ended, str(e.pid), f"{e.age_s:.1f}", needs, e.stopped_by
-            )
+            heard = "-" if e.age_s is None else f"{e.age_s:.1f}"
+            table.add_row(robot, e.name, e.state + ended, str(e.pid), heard, needs, e.stopped_by)
     out.print(table)
     for robot, entries in sorted(found.items()):
         for e in entries:

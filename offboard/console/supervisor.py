@@ -10,6 +10,7 @@ import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from types import FrameType
 
@@ -23,6 +24,7 @@ from offboard.console.child import command
 from offboard.console.folder import RunFolder
 from offboard.console.notes import Note, last_lines
 from offboard.processes import NAMES
+from offboard.viewer.roll import SILENT_S
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 PATIENCE_S = 3.0
@@ -78,13 +80,14 @@ class Supervisor:
         self._folder = folder
         self._listener = listener
         self._children: dict[str, subprocess.Popen[bytes]] = {}
-        self._heard: dict[str, int] = {}
+        self._started_us: dict[str, int] = {}
+        self._heard_us: dict[str, int] = {}
         self._ended: dict[str, tuple[int, str]] = {}
         self._announced_us = 0
         self._note = Note(config, folder)
         self._lifeline_read, self._lifeline_write = os.pipe()
         for name, channel in HEARTBEATS.items():
-            listener.subscribe(channel, _note(name, self._heard))
+            listener.subscribe(channel, partial(self._hear, name))
 
     def start(self, name: str, *arguments: str | Path) -> None:
         """Start a node; its standard output and error go to its file in the run folder.
@@ -116,6 +119,8 @@ class Supervisor:
                 pass_fds=[self._lifeline_read],
                 start_new_session=True,
             )
+        self._started_us[name] = self._listener.now_us()
+        self._heard_us.pop(name, None)
         self._note.started(name, self._children[name].pid)
 
     def wait_ready(self, *names: str) -> None:
@@ -127,10 +132,10 @@ class Supervisor:
             If one ends, or is not heard in time.
         """
         end_s = time.monotonic() + READY_LIMIT_S
-        while any(self._heard.get(n) != self._children[n].pid for n in names):
+        while any(n not in self._heard_us for n in names):
             self.check()
             if time.monotonic() > end_s:
-                silent = [n for n in names if self._heard.get(n) != self._children[n].pid]
+                silent = [n for n in names if n not in self._heard_us]
                 raise LabStateError(
                     f"{', '.join(silent)}: started, but not heard on {self._config.bus.url} within "
                     f"{READY_LIMIT_S:g} s; `klab doctor` looks at the bus"
@@ -183,6 +188,23 @@ class Supervisor:
         os.close(self._lifeline_write)
         os.close(self._lifeline_read)
 
+    def _hear(self, name: str, beat: lcmtypes.node_status_t) -> None:
+        """Take a heartbeat; the logger of another command is none of ours."""
+        if name in self._children and beat.pid == self._children[name].pid:
+            self._heard_us[name] = self._listener.now_us()
+
+    def _state(self, name: str) -> int:
+        """Return how a child is that has not ended: there, still starting, or hung."""
+        told = lcmtypes.process_t
+        if name not in HEARTBEATS:
+            return told.RUNNING
+        heard_us = self._heard_us.get(name)
+        if heard_us is None:
+            age_s = (self._announced_us - self._started_us[name]) / US_PER_S
+            return told.STARTING if age_s <= READY_LIMIT_S else told.SILENT
+        age_s = (self._announced_us - heard_us) / US_PER_S
+        return told.RUNNING if age_s <= SILENT_S else told.SILENT
+
     def _note_end(self, name: str, state: int, how: str) -> None:
         """Keep how a child ended; the first word counts."""
         self._ended.setdefault(name, (state, how))
@@ -201,7 +223,7 @@ class Supervisor:
             message.log_file = str(self._folder.process_log(name).absolute())
             if child.poll() == 0 and name in DRIVERS:
                 self._note_end(name, message.FINISHED, _how(0))
-            message.state, message.ended = self._ended.get(name, (message.RUNNING, ""))
+            message.state, message.ended = self._ended.get(name) or (self._state(name), "")
             if message.state == message.DIED:
                 lines = last_lines(self._folder.process_log(name))
                 message.last_lines = "\n".join(line[:LONGEST_LINE] for line in lines)
