@@ -51,4 +51,4 @@ def who_stops(process: Process, told: lcmtypes.process_t | None) -> str:
     """Return in words who may stop a process; a command that speaks of it, by its number."""
     if told is None:
         return process.stopped_by
-    return process.stopped_by.replace(_COMMAND, f"process {told.supervisor_pid} that started it")
+    return process.stopped_by.replace(_COMMAND, f"process {told.supervisor_pid}")

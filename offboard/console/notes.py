@@ -45,7 +45,7 @@ class Note:
     """
 
     def __init__(self, config: LabConfig, folder: RunFolder) -> None:
-        key = _key(config.bus.url, config.robot.name)
+        key = lab_key(config)
         self._file = cache_folder() / FOLDER / f"{key}-{os.getpid()}.json"
         self._facts: dict[str, Any] = {
             "bus": config.bus.url,
@@ -179,8 +179,9 @@ def _broken(url: str) -> Iterator[tuple[Path, dict[str, Any]]]:
             yield file, facts
 
 
-def _key(url: str, robot: str) -> str:
-    return hashlib.sha256(f"{url}\0{robot}".encode()).hexdigest()[:16]
+def lab_key(config: LabConfig) -> str:
+    """Return what names the files of a robot on a bus."""
+    return hashlib.sha256(f"{config.bus.url}\0{config.robot.name}".encode()).hexdigest()[:16]
 
 
 def _written_us(*files: Path) -> int:

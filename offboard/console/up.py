@@ -47,21 +47,25 @@ def up(
     Example: klab up --robot dynamic --robot-name R2
     """
     from koopman_lab.errors import LabStateError
+    from offboard.console.claim import claimed
     from offboard.console.supervisor import present, start_missing, supervised
 
     lab_config = options.resolve(
         config, overrides, options.kind_of(robot), preset, seed, url, robot_name=robot_name
     )
-    listener = options.listen(lab_config)
-    there = present(listener) & {"plant", "onboard"}
-    if there:
-        raise LabStateError(
-            f"{', '.join(sorted(there))} of {lab_config.robot.name} already on "
-            f"{lab_config.bus.url}; stop that lab, or take another name with --robot-name R2"
-        )
-    folder = new_folder(out, "up", lab_config)
     try:
-        with supervised(lab_config, folder, listener) as lab:
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(claimed(lab_config))
+            listener = options.listen(lab_config)
+            there = present(listener) & {"plant", "onboard"}
+            if there:
+                raise LabStateError(
+                    f"{', '.join(sorted(there))} of {lab_config.robot.name} already on "
+                    f"{lab_config.bus.url}; stop that lab, or take another name with "
+                    "--robot-name R2"
+                )
+            folder = new_folder(out, "up", lab_config)
+            lab = stack.enter_context(supervised(lab_config, folder, listener))
             start_missing(lab, set(), folder)
             if view:
                 port = port or free_port()
