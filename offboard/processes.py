@@ -39,6 +39,7 @@ PROCESSES: tuple[Process, ...] = (
     Process("pacer", (), "`klab bench realtime`"),
 )
 """In the order in which they stop: who commands first; the logger writes down the rest."""
+COMMANDING = frozenset(process.name for process in PROCESSES if "onboard" in process.needs)
 NAMES = tuple(process.name for process in PROCESSES)
 
 

@@ -1,4 +1,4 @@
-"""One command at a time starts plant and onboard loop of a robot, also of two at the same moment."""
+"""Of commands that would start plant and onboard loop of a robot at the same moment, one does."""
 
 from __future__ import annotations
 

@@ -50,6 +50,7 @@ class Note:
         self._facts: dict[str, Any] = {
             "bus": config.bus.url,
             "robot": config.robot.name,
+            "host": socket.gethostname(),
             "supervisor_pid": os.getpid(),
             "folder": str(folder.path.absolute()),
             "processes": {},
@@ -80,6 +81,20 @@ class Note:
         # A lab runs as well where this folder cannot be written; only nobody can ask later.
         with contextlib.suppress(OSError):
             write_json(self._file, self._facts)
+
+
+def commands(config: LabConfig) -> dict[int, set[str]]:
+    """Return the commands of this machine that run processes of a robot now, and which they ran."""
+    found = {}
+    for file in (cache_folder() / FOLDER).glob(f"{lab_key(config)}-*.json"):
+        try:
+            facts = json.loads(file.read_text())
+            pid, host, names = facts["supervisor_pid"], facts["host"], set(facts["processes"])
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # as in `_broken`
+        if host == socket.gethostname() and alive(pid) and is_klab(pid):
+            found[pid] = names
+    return found
 
 
 def broken(url: str, now_us: int) -> dict[str, list[Entry]]:

@@ -9,7 +9,7 @@ import signal
 import socket
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -23,12 +23,14 @@ from koopman_lab.units import US_PER_S
 from offboard.console.child import command
 from offboard.console.folder import RunFolder
 from offboard.console.notes import Note, last_lines
+from offboard.console.terminal import err
 from offboard.processes import NAMES
 from offboard.viewer.roll import SILENT_S
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 PATIENCE_S = 3.0
 """Time between these signals."""
+KILLED = f"killed by SIGKILL, {PATIENCE_S:g} s after SIGTERM and {2 * PATIENCE_S:g} s after SIGINT"
 READY_LIMIT_S = 30.0
 """Importing the solver on a busy board takes seconds."""
 LISTEN_S = 1.2
@@ -89,8 +91,10 @@ class Supervisor:
         for name, channel in HEARTBEATS.items():
             listener.subscribe(channel, partial(self._hear, name))
 
-    def start(self, name: str, *arguments: str | Path) -> None:
+    def start(self, name: str, *arguments: str | Path, pass_fds: Sequence[int] = ()) -> None:
         """Start a node; its standard output and error go to its file in the run folder.
+
+        It inherits the file descriptors ``pass_fds``.
 
         Raises
         ------
@@ -116,7 +120,7 @@ class Supervisor:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
-                pass_fds=[self._lifeline_read],
+                pass_fds=[self._lifeline_read, *pass_fds],
                 start_new_session=True,
             )
         self._started_us[name] = self._listener.now_us()
@@ -179,9 +183,13 @@ class Supervisor:
                 state == lcmtypes.process_t.DIED for state, _ in self._ended.values()
             ):
                 time.sleep(SHOWN_S)
-            _stop(self._children[name])
+            killed = _stop(self._children[name])
             code = self._children[name].returncode
-            self._note_end(name, lcmtypes.process_t.FINISHED, "" if code is None else _how(code))
+            how = KILLED if killed else "" if code is None else _how(code)
+            self._note_end(name, lcmtypes.process_t.FINISHED, how)
+            if killed:
+                with contextlib.suppress(OSError):  # of a terminal that was closed
+                    err.print(f"{name} did not end by itself: {KILLED}")
             self._announce()
         self._announce(FAREWELLS)
         self._note.over()
@@ -234,11 +242,14 @@ class Supervisor:
 def supervised(config: LabConfig, folder: RunFolder, listener: Listener) -> Iterator[Supervisor]:
     """Give a supervisor to the block and stop its children afterwards, however the block ends.
 
-    Inside, SIGTERM acts like Ctrl-C, and SIGINT does so even where a shell that started the
-    command in the background had it ignored.
+    Inside, SIGTERM and the end of the terminal act like Ctrl-C, and SIGINT does so even where a
+    shell that started the command in the background had it ignored.
     """
     supervisor = Supervisor(config, folder, listener)
-    before = {n: signal.signal(n, _interrupt) for n in (signal.SIGINT, signal.SIGTERM)}
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # as `nohup` leaves it
+        numbers.append(signal.SIGHUP)
+    before = {n: signal.signal(n, _interrupt) for n in numbers}
     try:
         yield supervisor
     finally:
@@ -294,10 +305,12 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _stop(child: subprocess.Popen[bytes]) -> None:
+def _stop(child: subprocess.Popen[bytes]) -> bool:
+    """End a process; return whether only SIGKILL did."""
     for number in SIGNALS:
         if child.poll() is not None:
-            return
+            return False
         child.send_signal(number)
         with contextlib.suppress(subprocess.TimeoutExpired):
             child.wait(PATIENCE_S)
+    return child.returncode == -signal.SIGKILL
