@@ -97,11 +97,13 @@ def test_where_nobody_is_that_is_said(command, code, said):
     assert "Traceback" not in done.stderr
 
 
-def test_a_port_that_is_taken_is_one_clear_message(bus_url):
+@pytest.mark.parametrize("command", [("view",), ("up", "--view")])
+def test_a_port_that_is_taken_is_one_clear_message(command, bus_url):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = str(taken.getsockname()[1])
-        done = klab("view", "--url", bus_url, "--port", port)
+        done = klab(*command, "--url", bus_url, "--port", port)
     assert done.returncode == 2
+    assert "page:" not in done.stdout + done.stderr
     assert f"--port {port}: cannot listen there" in done.stderr
