@@ -37,9 +37,20 @@ def open_lcm(config: LabConfig) -> lcm.LCM:
     except (RuntimeError, ValueError, OSError):
         raise BusError(
             f"bus.url {config.bus.url}: LCM cannot open it. Most often there is no route for "
-            "multicast; on one machine this makes one: sudo ip link set lo multicast on && "
-            "sudo ip route add 224.0.0.0/4 dev lo. `klab doctor` looks closer."
+            f"multicast; this makes one: {route_remedy(config.bus.url)}. "
+            "`klab doctor` looks closer."
         ) from None
+
+
+def route_remedy(url: str) -> str:
+    """Return how to make the route that a URL needs: within one machine, or out of it."""
+    ttl = re.search(r"[?&]ttl=(\d+)", url)
+    if ttl is not None and int(ttl[1]) > 0:
+        return (
+            "sudo ip route add 224.0.0.0/4 dev eth0 (with the interface to the other machines in "
+            "place of eth0)"
+        )
+    return "sudo ip link set lo multicast on && sudo ip route add 224.0.0.0/4 dev lo"
 
 
 @contextlib.contextmanager

@@ -58,6 +58,11 @@ class ChannelSummary:
     gaps: int
 
 
+def log_file(path: Path) -> Path:
+    """Return the log that is meant: ``path``, or ``session.lcm`` in it where it is a folder."""
+    return path / LOG_NAME if path.is_dir() else path
+
+
 class SessionLog:
     """A log, scanned once; channels are decoded when asked for.
 
@@ -89,8 +94,7 @@ class SessionLog:
     def __init__(
         self, path: Path | str, *, robot_name: str | None = None, salvage: bool = False
     ) -> None:
-        path = Path(path)
-        self.path = path / LOG_NAME if path.is_dir() else path
+        self.path = log_file(Path(path))
         self.damage: list[Damage] = []
         self._salvage = salvage
         self._wanted_robot = robot_name

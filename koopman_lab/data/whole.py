@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from koopman_lab.data.decode import LOG_NAME
+from koopman_lab.data.decode import log_file
 from koopman_lab.data.eventlog import Damage, Event, read_events
 from koopman_lab.data.logwriter import parts
 
@@ -27,7 +27,7 @@ def read_whole(
     LogError
         As :func:`~koopman_lab.data.eventlog.read_events`.
     """
-    first = path / LOG_NAME if path.is_dir() else path
+    first = log_file(path)
     events: list[Event] = []
     for file in parts(first) or [first]:
         if file == first or file.stat().st_size:  # a next file may be begun and ended by force

@@ -23,6 +23,10 @@ from koopman_lab.files import write_csv
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]
+JUMP_M = 0.2
+"""No robot drives so far between two frames: it was placed anew, or not seen for a while."""
+STANDING_M = 0.02
+"""What has a smaller extent is a robot that waits, with noise."""
 
 
 class Shown(NamedTuple):
@@ -63,7 +67,11 @@ def session_plot(log: SessionLog) -> SessionPlot:
     begin_us = int(frames["utime"].min())
 
     def table(messages: StructuredArray, *fields: str) -> Shown:
-        time_s = (messages["utime"].astype(np.int64) - begin_us) / US_PER_S
+        times_us = messages["utime"].astype(np.int64)
+        # Before the board knows the desk's time its messages may seem later than those after them.
+        in_order = times_us <= np.minimum.accumulate(times_us[::-1])[::-1]
+        messages, times_us = messages[in_order], times_us[in_order]
+        time_s = (times_us - begin_us) / US_PER_S
         columns = [time_s, *(messages[field].astype(np.float64) for field in fields)]
         return Shown(("time_s", *fields), np.column_stack(columns))
 
@@ -80,6 +88,20 @@ def session_plot(log: SessionLog) -> SessionPlot:
     )
 
 
+def pieces(path: Array) -> list[Array]:
+    """Return what was driven in one go, without the waiting before and between.
+
+    Parameters
+    ----------
+    path
+        Positions (N, 2) in m, N at least 1.
+    """
+    steps = np.hypot(*np.diff(path, axis=0).T)
+    parts = np.split(path, 1 + np.flatnonzero(steps > JUMP_M))
+    driven = [part for part in parts if np.ptp(part, axis=0).max() > STANDING_M]
+    return driven or parts[-1:]
+
+
 def draw_session(stem: Path, shown: SessionPlot) -> None:
     """Write ``stem.pdf``, ``stem.png`` and the numbers as CSV beside them.
 
@@ -91,16 +113,19 @@ def draw_session(stem: Path, shown: SessionPlot) -> None:
     figure = new_figure(width=11.0, height=6.0)
     grid = figure.add_gridspec(2, 3)
     plane = figure.add_subplot(grid[:, 0])
-    plane.plot(shown.path.rows[:, 1], shown.path.rows[:, 2], color="tab:blue", linewidth=1.0)
-    plane.plot(*shown.path.rows[0, 1:3], "o", color="tab:green", label="begin")
-    plane.plot(*shown.path.rows[-1, 1:3], "s", color="tab:red", label="end")
+    drives = pieces(shown.path.rows[:, 1:3])
+    for drive in drives:
+        plane.plot(*drive.T, color="tab:blue", linewidth=1.0)
+    begins = np.array([drive[0] for drive in drives])
+    plane.plot(*begins.T, "o", color="tab:green", label="begin")
+    plane.plot(*drives[-1][-1], "s", color="tab:red", label="end")
     plane.set(xlabel="$x_1$ (m)", ylabel="$x_2$ (m)", title="path")
     plane.set_aspect("equal", adjustable="datalim")
     plane.legend()
     for k, name in ((1, "v (m/s)"), (2, "ω (rad/s)")):
         axes = figure.add_subplot(grid[k - 1, 1])
-        axes.plot(shown.wanted.rows[:, 0], shown.wanted.rows[:, k], "--", color="tab:gray")
         axes.plot(shown.measured.rows[:, 0], shown.measured.rows[:, k], color="tab:blue")
+        axes.plot(shown.wanted.rows[:, 0], shown.wanted.rows[:, k], "--", color="tab:orange")
         axes.set(xlabel="time (s)", ylabel=name, title="measured, set-point dashed")
         told = figure.add_subplot(grid[k - 1, 2])
         told.step(

@@ -128,6 +128,7 @@ def _begins_as(stem: str, fresh: Path, installed: Path) -> bool:
 def _bus(lab: LabConfig) -> Iterator[Finding]:
     import lcmtypes
     from koopman_lab.bus.channels import ESTOP
+    from koopman_lab.bus.multicast import route_remedy
     from koopman_lab.bus.realtime import Listener
 
     own = changed(lab, "robot", name="DOCTOR")
@@ -147,8 +148,7 @@ def _bus(lab: LabConfig) -> Iterator[Finding]:
         "multicast",
         f"{lab.bus.url}, {'a message came back' if heard else 'nothing sent comes back'}",
         bool(heard),
-        remedy="sudo ip link set lo multicast on && sudo ip route add 224.0.0.0/4 dev lo; "
-        "a firewall may drop UDP as well",
+        remedy=f"{route_remedy(lab.bus.url)}; a firewall may drop UDP as well",
     )
 
 

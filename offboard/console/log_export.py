@@ -45,7 +45,7 @@ def plot(
     from koopman_lab.figures.session import draw_session, session_plot
 
     read = SessionLog(log, robot_name=robot_name, salvage=salvage)
-    stem = file if file is not None else read.path.with_suffix("").with_name("session-plot")
+    stem = file if file is not None else read.path.with_name(f"{read.path.stem}-plot")
     try:
         draw_session(stem, session_plot(read))
     except OSError as error:
@@ -58,9 +58,12 @@ def plot(
 
 def export(
     log: LogFile,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="PATH", help="Folder for CSV, file for MCAP.")
-    ],
+    file: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="PATH", help="Folder for CSV, file for MCAP; default: beside the log."
+        ),
+    ] = None,
     format_: Annotated[
         Format, typer.Option("--format", help="csv: a file a channel; mcap: one file.")
     ] = Format.csv,
@@ -68,14 +71,18 @@ def export(
 ) -> None:
     """Write a log for other programs: CSV for PlotJuggler, MCAP for Foxglove.
 
-    Example: klab log export runs/park --format csv --out runs/park-csv
+    Example: klab log export runs/park --format mcap
     """
+    from koopman_lab.data.decode import log_file
     from koopman_lab.data.eventlog import Damage
     from koopman_lab.data.export import export_csv, export_mcap
     from koopman_lab.data.whole import read_whole
 
     damage: list[Damage] = []
     events = read_whole(log, salvage=salvage, damage=damage)
+    path = log_file(log)
+    ending = "-csv" if format_ is Format.csv else ".mcap"
+    out = file if file is not None else path.with_name(f"{path.stem}{ending}")
     try:
         written = (export_csv if format_ is Format.csv else export_mcap)(events, out)
     except ModuleNotFoundError as missing:

@@ -121,7 +121,10 @@ def show(folder: RunFolder, summary: dict[str, Any]) -> None:
     where = "no pose measured"
     if pose is not None:
         x1, x2, theta = pose
-        where = f"x1 {x1 * 1e3:.1f} mm, x2 {x2 * 1e3:.1f} mm, theta {math.degrees(theta):.2f} deg"
+        where = (
+            f"x1 {x1 * 1e3:.1f} mm, x2 {x2 * 1e3:.1f} mm, theta {math.degrees(theta):.2f} deg "
+            "from the goal"
+        )
     word = "parked" if summary["parked"] else f"not parked ({summary['reason']})"
     for pause in summary["pauses"]:
         err.print(f"paused for {pause['duration_s']:.1f} s: {pause['reason']}")

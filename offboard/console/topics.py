@@ -149,6 +149,7 @@ def _echo(listener: Listener, lab: LabConfig, name: str, *, once: bool, seconds:
 
     listener.overhear(show)
     if not once:
+        err.print(f"listening to {name}; Ctrl-C ends it")
         while True:
             listener.spin(REFRESH_S)
     spin_for(listener, seconds, lambda: bool(printed))

@@ -17,6 +17,10 @@ from offboard.viewer.state import LabView
 
 ARMED_S = 10.0
 """So long after its first step the second step of a release is taken."""
+SETTLED_S = 0.5
+"""A second step sooner after the first is the end of a double click."""
+OLDEST_PICTURE_S = 2.0
+"""Whoever steers must have seen the lab as it is; STOP is always obeyed."""
 
 Reply = Callable[[bool, str], None]
 """Told whether an order was obeyed, and what to say of it."""
@@ -88,6 +92,12 @@ class Desk:
         """
         robot = self._robot(request.robot, stopping=request.do == STOP)
         now_us, armed = self.now_us(), (who, robot.name)
+        age_s = 0.0 if request.seen_us is None else (now_us - request.seen_us) / US_PER_S
+        if request.do != STOP and age_s > OLDEST_PICTURE_S:
+            raise LabStateError(
+                f"{robot.name}: not done, since it was asked for on a picture {age_s:.0f} s old; "
+                "look, and ask again"
+            )
         if request.do == STOP:
             # Nothing that was ordered before may undo it.
             for key in [key for key in self._orders if key[0] == robot.name]:
@@ -99,7 +109,10 @@ class Desk:
             self._armed_us[armed] = now_us
             reply(True, f"{robot.name}: confirm the release within {ARMED_S:g} s")
         elif request.do == RELEASE:
-            since_us = self._armed_us.pop(armed, None)
+            since_us = self._armed_us.get(armed)
+            if since_us is not None and now_us - since_us < SETTLED_S * US_PER_S:
+                raise LabStateError(f"{robot.name}: a double click releases nothing; confirm again")
+            self._armed_us.pop(armed, None)
             if since_us is None or now_us - since_us > ARMED_S * US_PER_S:
                 raise LabStateError(f"{robot.name}: releasing takes two steps; begin again")
             order = stop_order(lambda: robot.status(self.now_us()), release=True)

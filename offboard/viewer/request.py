@@ -20,11 +20,24 @@ class RequestError(LabStateError):
 
 
 class Request(NamedTuple):
-    """What is asked for: ``do`` is one of the constants, ``goal`` is set for GOAL only."""
+    """What is asked for.
+
+    Attributes
+    ----------
+    do
+        One of the constants.
+    robot
+        Its name.
+    goal
+        Set for GOAL only.
+    seen_us
+        Time of the newest snapshot that the page had got (us); None if it does not say.
+    """
 
     do: str
     robot: str
     goal: Pose | None = None
+    seen_us: int | None = None
 
 
 def parse_request(text: str) -> Request:
@@ -48,12 +61,15 @@ def parse_request(text: str) -> Request:
         raise RequestError(f"request: do must be one of {STOP}, {ARM}, {RELEASE}, {GOAL}")
     if not isinstance(robot, str):
         raise RequestError("request: robot must be a name")
+    seen_us = said.get("seen_us")
+    if seen_us is not None and (type(seen_us) is not int or not 0 <= seen_us < 2**63):
+        raise RequestError("request: seen_us must be the time of a snapshot")
     if do != GOAL:
-        return Request(do, robot)
+        return Request(do, robot, None, seen_us)
     x1, x2, theta = (_finite(said.get(key), key) for key in ("x1_m", "x2_m", "theta_rad"))
     if abs(theta) > LARGEST_ANGLE_RAD:
         raise RequestError("request: theta_rad is no angle")
-    return Request(do, robot, Pose(x1, x2, wrap_angle(theta)))
+    return Request(do, robot, Pose(x1, x2, wrap_angle(theta)), seen_us)
 
 
 def _no_number(text: str) -> float:

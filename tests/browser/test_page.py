@@ -10,8 +10,9 @@ import subprocess
 import pytest
 from klab import KLAB, MODEL, REFERENCE, start_klab
 from playwright.sync_api import expect
+from test_real_time import other
 
-from koopman_lab.bus.channels import ESTOP, HEARTBEATS
+from koopman_lab.bus.channels import ESTOP, HEARTBEATS, PROCESS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
 from offboard.console.bench_browser import browser, visit
@@ -61,6 +62,16 @@ def opened(chromium):
         yield open_page
 
 
+def release(page, name):
+    """Let a stopped robot go, in two steps."""
+    page.locator("#arm").press("Enter")
+    expect(page.locator("#release")).to_have_text(f"Confirm release of {name}")
+    # The second step is offered a moment later.
+    expect(page.locator("#release")).to_be_focused()
+    page.locator("#release").press("Enter")
+    expect(page.locator("#said")).to_contain_text(f"{name}: release confirmed", timeout=PATIENCE_MS)
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_phone_shows_everything_in_reach(opened, lab, scheme):
     address, _ = lab
@@ -102,12 +113,14 @@ def test_keyboard_and_screen_reader_reach_everything(opened, lab):
     reached = {(role, name) for role, name, kept in nodes if kept.get("focusable")}
     controls = {
         *{("radio", ROBOT), ("button", "STOP every robot · space bar"), ("button", "Release …")},
-        ("checkbox", "Drag on the floor to set a goal"),
+        *{("checkbox", "Drag on the floor to set a goal"), ("checkbox", "only the last 20 s")},
         *{("spinbutton", name) for name in ("x1 (m)", "x2 (m)", "heading (°)")},
         ("button", "Send goal"),
         *{("region", name) for name in ("Processes", "Channels")},
     }
-    assert reached == controls | {("RootWebArea", "klab view")}
+    assert reached == controls | {("RootWebArea", page.title())}
+    assert page.title() == f"{ROBOT}: at rest · klab view"
+    assert re.fullmatch(r"\d processes alive, .* lost", page.locator("#health").inner_text())
     names = {role: {name for kind, name, _ in nodes if kind == role} for role, _, _ in nodes}
     assert "The lab, seen by klab view" in names["heading"]
     assert names["table"] == {"Processes", "Channels"}
@@ -131,7 +144,7 @@ def test_keyboard_and_screen_reader_reach_everything(opened, lab):
             )
         )
     there = [*("radio", "stop", "arm", "drag", "x1", "x2", "theta", "submit")]
-    assert [name for name, _ in order[:-1]] == [*there, "Processes", "Channels"]
+    assert [name for name, _ in order[:-1]] == [*there, "closer", "Processes", "Channels"]
     assert all(seen for _, seen in order[:-1])
     page.locator("#arm").press("Enter")
     expect(page.locator("#release")).to_be_focused()
@@ -168,11 +181,13 @@ def test_a_replay_beside_a_robot_is_marked_and_cannot_be_steered(opened, lab):
     finally:
         replay.send_signal(signal.SIGINT)
         replay.wait(timeout=60)
-    page.locator("#arm").press("Enter")
-    page.locator("#release").press("Enter")
-    expect(page.locator("#said")).to_contain_text(
-        f"{ROBOT}: release confirmed", timeout=PATIENCE_MS
-    )
+    # A double click is one gesture, not two steps.
+    page.locator("#arm").dblclick()
+    expect(page.locator("#release")).to_be_enabled()
+    page.keyboard.press("Escape")
+    expect(page.locator("#said")).to_contain_text(f"{ROBOT}: not released")
+    expect(page.locator("#line")).to_contain_text(f"{ROBOT}: stopped: emergency stop")
+    release(page, ROBOT)
 
 
 @pytest.fixture
@@ -192,13 +207,6 @@ def test_two_robots_stop_together_and_are_released_one_by_one(opened, lab, secon
     def choose(name):
         page.locator(f"input[value={name}]").check(timeout=PATIENCE_MS)
 
-    def release(name):
-        choose(name)
-        page.locator("#arm").press("Enter")
-        expect(page.locator("#release")).to_have_text(f"Confirm release of {name}")
-        page.locator("#release").press("Enter")
-        expect(said).to_contain_text(f"{name}: release confirmed", timeout=PATIENCE_MS)
-
     for name in (second, ROBOT):
         choose(name)
         expect(line).to_have_text(f"{name}: at rest, nobody commands it", timeout=PATIENCE_MS)
@@ -210,11 +218,12 @@ def test_two_robots_stop_together_and_are_released_one_by_one(opened, lab, secon
     for name in (second, ROBOT):
         choose(name)
         expect(line).to_contain_text(f"{name}: stopped: emergency stop", timeout=PATIENCE_MS)
-    release(second)
+    choose(second)
+    release(page, second)
     expect(line).to_have_text(f"{second}: at rest, nobody commands it", timeout=PATIENCE_MS)
     choose(ROBOT)
     expect(line).to_contain_text(f"{ROBOT}: stopped: emergency stop", timeout=PATIENCE_MS)
-    release(ROBOT)
+    release(page, ROBOT)
 
 
 def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(opened, lab):
@@ -260,11 +269,7 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(opened,
         expect(page.locator("#said")).to_contain_text(
             f"{ROBOT}: STOP confirmed", timeout=PATIENCE_MS
         )
-        page.locator("#arm").press("Enter")
-        page.locator("#release").press("Enter")
-        expect(page.locator("#said")).to_contain_text(
-            f"{ROBOT}: release confirmed", timeout=PATIENCE_MS
-        )
+        release(page, ROBOT)
     finally:
         controller.send_signal(signal.SIGINT)
         controller.communicate(timeout=60)
@@ -280,6 +285,16 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(opened,
     for zero_us, stood_us in (by_key, by_button):
         # In order; how soon, `klab bench stop` and tests/onboard/test_emergency_stop.py show.
         assert 0 <= zero_us <= stood_us
+    server = []
+    bus.subscribe(PROCESS, lambda told: told.name == "view" and server.append(told.pid))
+    while not server:
+        bus.spin(WAIT_S)
+    os.kill(server[-1], signal.SIGSTOP)
+    page.keyboard.press("Space")
+    expect(page.locator("#said")).to_contain_text("STOP NOT CONFIRMED", timeout=PATIENCE_MS)
+    expect(page.locator("body")).to_have_class("lost", timeout=PATIENCE_MS)
+    os.kill(server[-1], signal.SIGCONT)
+    expect(page.locator("#said")).to_contain_text(f"{ROBOT}: STOP confirmed", timeout=PATIENCE_MS)
     pids = []
     bus.subscribe(HEARTBEATS["plant"], lambda beat: pids.append(beat.pid))
     while not pids:
@@ -294,4 +309,17 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(opened,
         "plant died (signal SIGKILL)", timeout=PATIENCE_MS
     )
     expect(page.locator("#banners")).to_contain_text("no connection", timeout=PATIENCE_MS)
+    expect(page.locator("body")).to_have_class("lost")
+    # A page that finds its server again shows nothing of a lab that is there no more.
+    port = address.rstrip("/").rpartition(":")[2]
+    viewer = start_klab("view", "--port", port, "--url", other(os.environ["LCM_DEFAULT_URL"]))
+    try:
+        expect(page.locator("#line")).to_have_text("no robot is heard", timeout=PATIENCE_MS)
+        expect(page.locator("#banners")).to_be_hidden()
+        expect(page.locator("#processes tbody tr")).to_have_count(0)
+        for control in ("#drag", "#arm", "#goal button"):
+            expect(page.locator(control)).to_be_disabled()
+    finally:
+        viewer.send_signal(signal.SIGINT)
+        viewer.communicate(timeout=60)
     assert errors == []

@@ -10,7 +10,7 @@ import pytest
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.multicast import bus_url, open_lcm
+from koopman_lab.bus.multicast import bus_url, open_lcm, route_remedy
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import dump_config, load_config
 from koopman_lab.errors import BusError
@@ -136,6 +136,18 @@ def test_a_bus_that_cannot_be_opened_is_explained():
     config = load_config(overrides=["bus.url=nonsense://"])
     with pytest.raises(BusError, match="ip route add"):
         open_lcm(config)
+
+
+@pytest.mark.parametrize(
+    ("url", "interface"),
+    [
+        ("udpm://239.255.76.67:7667?ttl=0", "lo"),
+        ("udpm://239.255.76.67:7667", "lo"),
+        ("udpm://239.255.76.67:7667?recv_buf_size=1&ttl=1", "eth0"),
+    ],
+)
+def test_the_route_that_is_missing_is_that_to_whoever_shall_hear(url, interface):
+    assert f"dev {interface}" in route_remedy(url)
 
 
 def test_the_receive_buffer_is_asked_for():

@@ -127,6 +127,7 @@ def test_each_line_does_its_job_on_what_those_before_it_left(folder, monkeypatch
         for at in (k + 1 for k, word in enumerate(words) if word == "--out"):
             made = folder / words[at]
             assert made.exists() or list(made.parent.glob(f"{made.name}*")), line
+    assert (folder / "runs" / "park" / "session-csv" / "R1_MPC_STATE.csv").exists()
     shown = (folder / "README.md").read_text()
     assert "44 not measured" in shown.partition("<!-- results -->")[2]
 

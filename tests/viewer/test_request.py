@@ -14,6 +14,8 @@ def test_a_goal_is_read_with_its_angle_wrapped():
     request = parse_request(GOOD)
     assert (request.do, request.robot) == ("goal", "R1")
     assert request.goal == pytest.approx((1.0, -0.5, 7.0 - 2.0 * math.pi))
+    assert request.seen_us is None
+    assert parse_request(GOOD.replace("7.0", '7.0, "seen_us": 17')).seen_us == 17
 
 
 @pytest.mark.parametrize(
@@ -34,6 +36,8 @@ def test_a_goal_is_read_with_its_angle_wrapped():
         *(GOOD.replace("7.0", bad) for bad in ("NaN", "Infinity", "-Infinity", "1e999", "1e300")),
         *(GOOD.replace("7.0", bad) for bad in ("null", "true", '"1"', "[1]", "1" + "0" * 400)),
         GOOD.replace('"x2_m": -0.5, ', ""),
+        *(GOOD.replace("7.0", f'7.0, "seen_us": {bad}') for bad in ("-1", "1.5", "true", "1e3")),
+        *(GOOD.replace("7.0", f'7.0, "seen_us": {bad}') for bad in ('"1"', str(2**63), "[]")),
     ],
 )
 def test_what_no_page_sends_is_refused(text):

@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import subprocess
+import time
 import urllib.error
 import urllib.request
 from contextlib import contextmanager
@@ -167,7 +168,13 @@ def test_stop_goes_out_until_it_is_obeyed_and_release_takes_two_steps(bench):
             "R1: releasing takes two steps; begin again",
         )
         assert bench.ask(socket, do="arm")["good"]
-        released = bench.ask(socket, do="release")
+        assert "double click" in bench.ask(socket, do="release")["said"]
+        for _ in range(MOST_TRIES):
+            bench.speak()
+            released = bench.ask(socket, do="release")
+            if released["good"]:
+                break
+            assert "double click" in released["said"]
         assert released == {"robot": "R1", "good": True, "said": "R1: release confirmed"}
         bench.until(socket, lambda robot: not robot["stopped"])
 
@@ -184,6 +191,19 @@ def test_a_goal_off_the_floor_is_refused_and_a_good_one_is_sent(bench):
             if bench.goals:
                 break
         assert bench.goals[0].goal_x1_m == 0.5
+
+
+def test_who_saw_an_old_picture_can_stop_and_nothing_else(bench):
+    goal = {"x1_m": -0.25, "x2_m": 0.0, "theta_rad": 0.0}
+    with bench.page() as socket:
+        bench.until(socket, lambda robot: robot["goal"] is not None)
+        old = {"seen_us": time.time_ns() // 1000 - 10_000_000}
+        for do in ("goal", "arm", "release"):
+            answer = bench.ask(socket, do=do, **goal, **old)
+            assert not answer["good"]
+            assert "10 s old" in answer["said"]
+        assert bench.ask(socket, do="stop", **old)["good"]
+    assert all(sent.goal_x1_m != goal["x1_m"] for sent in bench.goals)
 
 
 def test_a_replay_cannot_be_steered(served):

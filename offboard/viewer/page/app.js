@@ -1,5 +1,6 @@
-// Keeps the newest snapshot, draws it, and sends what the person orders.
+// Keeps the newest snapshot and draws it.
 import { Floor } from "./floor.js";
+import { Orders } from "./orders.js";
 import { Plots } from "./plots.js";
 import { channels, processes } from "./tables.js";
 
@@ -8,17 +9,15 @@ const MOST_ROWS = 2400;
 const SLOW_MS = 500; // tables and plots: a person reads no faster
 const RETRY_MS = 1000;
 const SILENT_MS = 2000;
-const ARMED_MS = 10000;
 
 let socket = null, robots = {}, selected = null, heardAt = 0, lost = "connecting to klab view";
-let spoken = "", warned = "", later = [], snapshotUs = 0, fresh = false, slowAt = 0, armed = null;
+let spoken = "", warned = "", later = [], snapshotUs = 0, fresh = false, slowAt = 0;
 const kept = new Map(); // by robot: rows of the plots, segments, and the numbers of the oldest
-const answers = new Map(); // by robot
-const floor = new Floor(get("floor"), (x1, x2, theta) => {
-  const goal = robots[selected]?.goal;
-  sendGoal(x1, x2, theta ?? goal?.[2] ?? 0);
-});
+const floor = new Floor(get("floor"), (x1, x2, theta) => orders.goal(x1, x2, theta ?? robots[selected]?.goal?.[2] ?? 0));
 const plots = new Plots(get("plots"));
+const orders = new Orders(() => ({ socket, robots, selected, seenUs: snapshotUs }), floor);
+
+get("closer").addEventListener("change", () => { plots.closer = get("closer").checked; slowAt = 0; });
 
 function connect() {
   const address = new URL("ws", location.href);
@@ -31,7 +30,7 @@ function connect() {
 }
 
 function take(message) {
-  if ("said" in message) return say(message.said, message.good, message.robot);
+  if ("said" in message) return orders.answered(message.said, message.good, message.robot);
   heardAt = performance.now();
   robots = message.robots;
   snapshotUs = message.now_us;
@@ -47,90 +46,6 @@ function take(message) {
   fresh = true;
 }
 
-// Of what was done last: one line for each robot, so that none hides another's.
-function say(text, good = true, robot = "") {
-  if (robot) answers.delete(""); else answers.clear();
-  answers.set(robot, { text, good });
-  const place = get("said");
-  const lines = [...answers.values()];
-  while (place.children.length > lines.length) place.lastChild.remove();
-  lines.forEach((line, i) => {
-    const shown = place.children[i] ?? place.appendChild(document.createElement("p"));
-    if (shown.textContent !== line.text) shown.textContent = line.text;
-    shown.classList.toggle("bad", !line.good);
-  });
-}
-
-function send(request) {
-  if (socket?.readyState !== WebSocket.OPEN) {
-    say("NOT SENT: no connection to klab view. Use `klab estop`, or cut the power.", false);
-    return false;
-  }
-  socket.send(JSON.stringify(request));
-  return true;
-}
-
-function stop() {
-  disarm();
-  floor.cancel();
-  const names = Object.keys(robots);
-  if (!names.length) return say("no robot was heard; use `klab estop`, or cut the power", false);
-  for (const robot of names) if (send({ do: "stop", robot })) say(`STOP sent to ${names.join(", ")}`);
-}
-
-function sendGoal(x1_m, x2_m, theta_rad) {
-  if (!robots[selected]?.steerable) return say(`${selected ?? "no robot"}: cannot be steered`, false);
-  [["x1", x1_m, 3], ["x2", x2_m, 3], ["theta", (theta_rad * 180) / Math.PI, 1]].forEach(([id, value, n]) => {
-    get(id).value = value.toFixed(n);
-  });
-  if (send({ do: "goal", robot: selected, x1_m, x2_m, theta_rad })) say(`${selected}: goal sent`);
-}
-
-function disarm() {
-  clearTimeout(armed);
-  const focused = document.activeElement === get("release");
-  get("release").hidden = true;
-  get("arm").hidden = false;
-  if (focused) get("arm").focus(); // a button that goes takes the focus along
-}
-
-get("stop").addEventListener("click", stop);
-get("arm").addEventListener("click", () => {
-  if (!send({ do: "arm", robot: selected })) return;
-  get("release").textContent = `Confirm release of ${selected}`;
-  get("release").hidden = false;
-  get("arm").hidden = true;
-  get("release").focus();
-  armed = setTimeout(disarm, ARMED_MS);
-});
-get("release").addEventListener("click", () => { send({ do: "release", robot: selected }); disarm(); });
-get("goal").addEventListener("submit", (event) => {
-  event.preventDefault();
-  const [x1, x2, degrees] = ["x1", "x2", "theta"].map((id) => get(id).valueAsNumber);
-  sendGoal(x1, x2, (degrees * Math.PI) / 180);
-});
-const drag = get("drag");
-drag.checked = matchMedia("(pointer: fine)").matches; // on a touch screen a finger scrolls first
-drag.addEventListener("change", () => { floor.draggable = drag.checked; });
-floor.draggable = drag.checked;
-// As the space bar stops, Enter ticks the box; it must not send the form's goal.
-drag.addEventListener("keydown", (event) => {
-  if (event.key !== "Enter") return;
-  event.preventDefault();
-  drag.click();
-});
-
-// The space bar stops, whatever has the focus; buttons are pressed with Enter.
-for (const kind of ["keydown", "keyup"]) {
-  window.addEventListener(kind, (event) => {
-    if (event.code === "Escape") { floor.cancel(); disarm(); }
-    if (event.code !== "Space") return;
-    event.preventDefault();
-    event.stopPropagation();
-    if (kind === "keydown" && !event.repeat) stop();
-  }, { capture: true });
-}
-
 function choose() {
   const names = Object.keys(robots);
   if (!names.includes(selected)) selected = names.find((name) => robots[name].steerable) ?? names[0] ?? null;
@@ -141,7 +56,7 @@ function choose() {
     for (const name of names) {
       const label = document.createElement("label"), input = document.createElement("input");
       Object.assign(input, { type: "radio", name: "robot", value: name });
-      input.addEventListener("change", () => { selected = name; floor.forget(); disarm(); slowAt = 0; fresh = true; });
+      input.addEventListener("change", () => { orders.disarm(); selected = name; floor.forget(); slowAt = 0; fresh = true; });
       label.append(input, ` ${name}`);
       place.append(label);
     }
@@ -154,6 +69,7 @@ function text(id, value) { if (get(id).textContent !== value) get(id).textConten
 function banners() {
   const silent = !lost && performance.now() - heardAt > SILENT_MS;
   const lines = [];
+  document.body.classList.toggle("lost", Boolean(lost) || silent);
   if (lost) lines.push(lost);
   if (silent) lines.push("klab view is silent: nothing below is up to date");
   for (const [name, robot] of Object.entries(robots)) lines.push(...robot.banners.map((line) => `${name}: ${line}`));
@@ -173,6 +89,7 @@ function speak(line) {
   if (words === spoken) return;
   spoken = words;
   text("spoken", line);
+  document.title = `${line.split(",")[0].replace(/ \d+ s$/, "")} \u00b7 klab view`;
 }
 
 function facts(robot) {
@@ -200,6 +117,7 @@ function facts(robot) {
 function slow(robot, mine) {
   later = [() => channels(get("channels"), robot.channels),
     () => processes(get("processes"), robot.processes), ...plots.tasks(mine.rows, robot.interval_ms)];
+  health(robot);
   const sampler = robot.sampler;
   get("progress").hidden = !sampler;
   if (sampler) {
@@ -210,6 +128,37 @@ function slow(robot, mine) {
   const [where, goal] = [1, 3].map((i) => get("facts").children[i].textContent);
   const far = robot.pose && robot.goal ? `; distance ${Math.hypot(robot.goal[0] - robot.pose[0], robot.goal[1] - robot.pose[1]).toFixed(2)} m` : "";
   get("floor").setAttribute("aria-label", `Floor seen from above: ${selected} at ${where}; goal ${goal}${far}; ${mine.segments.length} segments`);
+}
+
+// What was heard before is no news of a lab that is not there.
+function nobody() {
+  if (!fresh) return;
+  fresh = false;
+  text("line", "no robot is heard");
+  speak("no robot is heard");
+  text("health", "");
+  text("lag", "");
+  floor.clear();
+  later = [];
+  channels(get("channels"), []);
+  processes(get("processes"), []);
+  plots.clear();
+  get("facts").replaceChildren();
+  get("floor").setAttribute("aria-label", "Floor seen from above: no robot is heard");
+  for (const shown of ["replay", "progress"]) get(shown).hidden = true;
+  for (const control of [...get("goal").elements, get("arm")]) control.disabled = true;
+  document.body.dataset.stopped = false;
+}
+
+// Whether every process is alive and nothing is lost, at a glance.
+function health(robot) {
+  const said = robot.replay ? [] : robot.processes.filter((entry) => entry.state !== "finished");
+  const bad = said.filter((entry) => entry.state !== "alive");
+  const lost = robot.channels.reduce((sum, flow) => sum + (flow.lost ?? 0), 0);
+  const alive = `${bad.length ? `${said.length - bad.length} of ` : ""}${said.length} processes alive, `;
+  const missing = lost ? `${lost} message${lost === 1 ? "" : "s"} lost` : "nothing lost";
+  text("health", `${said.length ? alive : ""}${missing}`);
+  get("health").classList.toggle("bad", bad.length > 0);
 }
 
 function frame() {
@@ -223,7 +172,7 @@ function floorAgain() {
   if (!fresh && !floor.drag) return;
   choose();
   const robot = robots[selected];
-  if (!robot) return;
+  if (!robot) return nobody();
   const mine = kept.get(selected) ?? { rows: [], segments: [] };
   floor.draw(robots, selected, { trail: mine.rows.map((row) => [row[1], row[2]]), segments: mine.segments });
   if (!fresh) return;
@@ -234,12 +183,13 @@ function floorAgain() {
   get("replay").hidden = !robot.replay;
   for (const control of [...get("goal").elements, get("arm")]) control.disabled = !robot.steerable;
   document.body.dataset.stopped = robot.stopped;
+  const pose = robot.pose;
   const lag = Date.now() - snapshotUs / 1000 + (robot.pose_age_s ?? 0) * 1000;
   document.body.dataset.lagMs = lag.toFixed(1);
   if (performance.now() > slowAt) {
     slowAt = performance.now() + SLOW_MS;
     slow(robot, mine);
-    text("lag", `From the camera to this picture: ${lag.toFixed(0)} ms by this machine's clock.`);
+    text("lag", pose ? `From the camera to this picture: ${lag.toFixed(0)} ms by this machine's clock.` : "");
   }
 }
 

@@ -63,6 +63,8 @@ export class Floor {
 
   forget() { this.box = null; }
 
+  clear() { this.cancel(); this.forget(); this.scale = null; this.context.clearRect(0, 0, this.canvas.width, this.canvas.height); }
+
   draw(robots, selected, kept) {
     const shown = robots[selected];
     if (!shown) return;

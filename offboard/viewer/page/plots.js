@@ -1,21 +1,23 @@
-// Five plots over the same two minutes, drawn by uPlot.
-const SPAN_S = 120;
+// Five plots over the same time, drawn by uPlot.
+const LONG_S = 120, SHORT_S = 20; // the second for a drive, which takes seconds
 const TICKS_PX = 18; // at least between two marks of the upright axis
 const T = 0, V = 4, V_SET = 5, OMEGA = 6, OMEGA_SET = 7, VALUE = 8, SOLVE = 9, X2 = 10;
+// `least`: what the upright axis shows at least, so that noise at rest does not look like driving.
 const PLOTS = [
   { title: "value function", columns: [["value", VALUE, "robot"]], log: true, unit: "" },
-  { title: "solve time", columns: [["solve", SOLVE, "robot"]], limit: true, unit: "ms" },
-  { title: "v", columns: [["set-point", V_SET, "horizon"], ["measured", V, "robot"]], unit: "m/s" },
-  { title: "omega", columns: [["set-point", OMEGA_SET, "horizon"], ["measured", OMEGA, "robot"]], unit: "rad/s" },
-  { title: "x2 deviation from the goal", columns: [["x2", X2, "robot"]], unit: "m" },
+  { title: "solve time", columns: [["solve", SOLVE, "robot"]], least: [0, 1], limit: true, unit: "ms" },
+  { title: "v", columns: [["measured", V, "robot"], ["set-point", V_SET, "horizon"]], least: [-0.1, 0.1], unit: "m/s" },
+  { title: "omega", columns: [["measured", OMEGA, "robot"], ["set-point", OMEGA_SET, "horizon"]], least: [-0.2, 0.2], unit: "rad/s" },
+  { title: "x2 deviation from the goal", columns: [["x2", X2, "robot"]], least: [-0.01, 0.01], unit: "m" },
 ];
 
-const LOG_AXIS = { grid: { show: false }, ticks: { show: false },
+const LOG_AXIS = { space: 30, grid: { show: false }, ticks: { show: false },
   values: (chart, marks) => marks.map((mark) => (mark === null ? "" : mark.toExponential(0))) };
 
 export class Plots {
   constructor(section) {
     this.section = section;
+    this.spanS = LONG_S;
     this.width = section.clientWidth;
     this.made = PLOTS.map((plot) => {
       const figure = document.createElement("figure");
@@ -32,6 +34,13 @@ export class Plots {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.again());
   }
 
+  set closer(on) { this.spanS = on ? SHORT_S : LONG_S; this.again(); }
+
+  clear() {
+    this.again();
+    for (const one of this.made) one.caption.textContent = one.plot.title;
+  }
+
   again() {
     this.width = this.section.clientWidth;
     for (const one of this.made) { one.chart?.destroy(); one.chart = null; }
@@ -40,7 +49,7 @@ export class Plots {
   // One function a plot, so that no frame has to draw them all.
   tasks(rows, intervalMs) {
     const end = rows.length ? rows[rows.length - 1][T] : 0;
-    const shown = rows.filter((row) => row[T] > end - SPAN_S);
+    const shown = rows.filter((row) => row[T] > end - this.spanS);
     const x = shown.map((row) => row[T] - end);
     return this.made.map((one) => () => this.draw(one, shown, x, intervalMs));
   }
@@ -69,10 +78,14 @@ export class Plots {
     );
     return new window.uPlot({
       width: this.width - 28, height: 120, legend: { show: false }, cursor: { show: false },
-      scales: { x: { time: false, range: [-SPAN_S, 0] }, y: plot.log ? { distr: 3 } : {} },
+      scales: { x: { time: false, range: [-this.spanS, 0] }, y: plot.log ? { distr: 3 } : { range: span(plot.least) } },
       axes: [{ ...axis, space: 50, size: 24 }, plot.log ? { ...axis, size: 56, ...LOG_AXIS } : { ...axis, size: 56 }], series,
     }, [[0], ...series.slice(1).map(() => [null])], where);
   }
+}
+
+function span([low, high]) {
+  return { min: { pad: 0.1, soft: low, mode: 1 }, max: { pad: 0.1, soft: high, mode: 1 } };
 }
 
 function describe(plot, rows, intervalMs) {
