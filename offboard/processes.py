@@ -25,7 +25,8 @@ class Process(NamedTuple):
     stopped_by: str
 
 
-STARTER = "the command that started it, by Ctrl-C or `klab down`"
+_COMMAND = "the command that started it"
+STARTER = f"{_COMMAND}, by Ctrl-C or `klab down`"
 PROCESSES: tuple[Process, ...] = (
     Process("sampler", ("onboard", "logger"), "itself when done, or `klab calibrate`"),
     Process("controller", ("onboard", "logger"), "itself when done, or `klab park`"),
@@ -38,9 +39,17 @@ PROCESSES: tuple[Process, ...] = (
     Process("pacer", (), "`klab bench realtime`"),
 )
 """In the order in which they stop: who commands first; the logger writes down the rest."""
+COMMANDING = frozenset(process.name for process in PROCESSES if "onboard" in process.needs)
 NAMES = tuple(process.name for process in PROCESSES)
 
 
 def died(message: lcmtypes.process_t) -> str:
     """Return in words which process died, and how."""
     return f"{message.name} died ({message.ended})"
+
+
+def who_stops(process: Process, told: lcmtypes.process_t | None) -> str:
+    """Return in words who may stop a process; a command that speaks of it, by its number."""
+    if told is None:
+        return process.stopped_by
+    return process.stopped_by.replace(_COMMAND, f"process {told.supervisor_pid}")

@@ -23,7 +23,7 @@ from koopman_lab.mpc.compiled import cache_folder
 from koopman_lab.units import US_PER_S
 from offboard.console.folder import RunFolder
 from offboard.processes import PROCESSES
-from offboard.viewer.roll import ALIVE, DIED, Entry
+from offboard.viewer.roll import ALIVE, DIED, STARTING, Entry
 
 FOLDER = "labs"
 """In the user's cache folder."""
@@ -45,11 +45,12 @@ class Note:
     """
 
     def __init__(self, config: LabConfig, folder: RunFolder) -> None:
-        key = _key(config.bus.url, config.robot.name)
+        key = lab_key(config)
         self._file = cache_folder() / FOLDER / f"{key}-{os.getpid()}.json"
         self._facts: dict[str, Any] = {
             "bus": config.bus.url,
             "robot": config.robot.name,
+            "host": socket.gethostname(),
             "supervisor_pid": os.getpid(),
             "folder": str(folder.path.absolute()),
             "processes": {},
@@ -80,6 +81,20 @@ class Note:
         # A lab runs as well where this folder cannot be written; only nobody can ask later.
         with contextlib.suppress(OSError):
             write_json(self._file, self._facts)
+
+
+def commands(config: LabConfig) -> dict[int, set[str]]:
+    """Return the commands of this machine that run processes of a robot now, and which they ran."""
+    found = {}
+    for file in (cache_folder() / FOLDER).glob(f"{lab_key(config)}-*.json"):
+        try:
+            facts = json.loads(file.read_text())
+            pid, host, names = facts["supervisor_pid"], facts["host"], set(facts["processes"])
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # as in `_broken`
+        if host == socket.gethostname() and alive(pid) and is_klab(pid):
+            found[pid] = names
+    return found
 
 
 def broken(url: str, now_us: int) -> dict[str, list[Entry]]:
@@ -123,13 +138,19 @@ def broken(url: str, now_us: int) -> dict[str, list[Entry]]:
 def with_broken(
     heard: dict[str, list[Entry]], lost: dict[str, list[Entry]]
 ) -> dict[str, list[Entry]]:
-    """Return who is heard, and beside them who is not any more because it broke."""
+    """Return who is heard, and beside them who is not any more because it broke.
+
+    Who speaks and was started by hand has taken the place of what broke. A command would have taken
+    the note away: what it says of its processes is about others of the same name.
+    """
     both = {name: list(entries) for name, entries in heard.items()}
     for robot, entries in lost.items():
-        known = {e.name: e.state for e in both.get(robot, ())}
-        told = {name for name, state in known.items() if state in (ALIVE, DIED)}
-        gone = [entry for entry in entries if entry.name not in told]
-        rest = [e for e in both.get(robot, ()) if e.name not in {g.name for g in gone}]
+        here = both.get(robot, [])
+        again = {e.name for e in here if e.state == ALIVE and e.told is None}
+        known = {e.pid for e in here if e.state in (ALIVE, DIED)}
+        gone = [e for e in entries if e.name not in again and e.pid not in known]
+        names = {e.name for e in gone}
+        rest = [e for e in here if e.state in (ALIVE, STARTING, DIED) or e.name not in names]
         if gone:
             both[robot] = rest + gone
     return both
@@ -173,8 +194,9 @@ def _broken(url: str) -> Iterator[tuple[Path, dict[str, Any]]]:
             yield file, facts
 
 
-def _key(url: str, robot: str) -> str:
-    return hashlib.sha256(f"{url}\0{robot}".encode()).hexdigest()[:16]
+def lab_key(config: LabConfig) -> str:
+    """Return what names the files of a robot on a bus."""
+    return hashlib.sha256(f"{config.bus.url}\0{config.robot.name}".encode()).hexdigest()[:16]
 
 
 def _written_us(*files: Path) -> int:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import socket
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from offboard.console import options
-from offboard.console.view import HOST, PORT, Host, Port, serve
+from offboard.console.view import HOST, PORT, Host, Port, listen, serve, token_for
 
 if TYPE_CHECKING:
     from koopman_lab.bus.node import Node
@@ -236,10 +237,13 @@ def view(
     config: options.ConfigFile = None,
     host: Host = HOST,
     port: Port = PORT,
+    socket_fd: Annotated[int | None, typer.Option("--socket-fd", hidden=True)] = None,
     lifeline_fd: Lifeline = None,
 ) -> None:
-    """Serve the page of `klab view`, as a process of `klab up --view`.
+    """Serve the page of `klab view`, as a process of `klab up --view`, which listens already.
 
     Example: klab run view --config runs/up/config.yaml
     """
-    serve(options.resolve(config, None, None), host, port, lifeline_fd)
+    lab = options.resolve(config, None, None)
+    listening = listen(host, port) if socket_fd is None else socket.socket(fileno=socket_fd)
+    serve(lab, listening, token_for(host), lifeline_fd)

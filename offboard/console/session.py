@@ -16,6 +16,7 @@ from koopman_lab.bus.commanders import commander_number
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabError
+from offboard.console.claim import claimed
 from offboard.console.folder import RunFolder
 from offboard.console.supervisor import present, start_missing, supervised
 from offboard.console.terminal import err
@@ -78,13 +79,17 @@ def in_real_time(
     Raises
     ------
     LabStateError
-        If a process dies or does not start, or the robot is held still, silent, or another's.
+        If a process dies or does not start, or the robot is held still, silent, or another's, or
+        another command is about to start it.
     """
     result = folder.path / "processes" / f"{commander}.json"
     there = present(listener)
     robot = RobotWatch(config)
     listener.subscribe(ONBOARD_STATUS, lambda status: robot.see(status, listener.now_us()))
-    with supervised(config, folder, listener) as lab:
+    with contextlib.ExitStack() as stack:
+        if "onboard" not in there:
+            stack.enter_context(claimed(config))
+        lab = stack.enter_context(supervised(config, folder, listener))
         start_missing(lab, there, folder, resume=resume)
         if prepare is not None:
             prepare(there)

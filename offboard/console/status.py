@@ -72,39 +72,94 @@ def down(
 ) -> None:
     """End the commands of this machine that run processes of a robot, as Ctrl-C in each would.
 
+    Who commands the robot is ended first, and the others when it stands. What goes on, because
+    another machine or a person started it, is named; the exit code is then 1.
+
     Example: klab down --robot-name R2
     """
     from koopman_lab.errors import LabStateError
-    from offboard.console.notes import alive, is_klab
+    from offboard.console.notes import alive, commands
+    from offboard.console.supervisor import KILLED, PATIENCE_S
+    from offboard.processes import COMMANDING
+    from offboard.viewer.roll import SILENT_S
 
     lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
+    name = lab.robot.name
+    # Before anything is heard, which takes a second: meanwhile the robot would drive on.
+    noted = commands(lab)
+    commanding = {pid for pid, names in noted.items() if names & COMMANDING}
+    _interrupt(commanding)
     listener, view = _heard(lab)
-    robot = view.robots.get(lab.robot.name)
-    entries = [] if robot is None else robot.entries(listener.now_us())
-    told = [e.told for e in entries if e.told is not None and e.told.state == e.told.RUNNING]
-    here = {
-        t.supervisor_pid
-        for t in told
-        if t.host == socket.gethostname() and is_klab(t.supervisor_pid)
-    }
-    elsewhere = {t.host for t in told} - {socket.gethostname()}
-    if elsewhere:
-        err.print(f"{lab.robot.name} has processes on {', '.join(sorted(elsewhere))} as well")
+    entries = _entries(view, name, listener)
+    ours = [e for e in entries if _ours(e) and e.state not in ("finished", "died")]
+    here = set(noted) | {e.told.supervisor_pid for e in ours if e.told is not None}
+    others = _others(entries, here)
     if not here:
-        by_hand = [e.name for e in entries if e.told is None and e.state == "alive"]
-        hint = f"; {', '.join(by_hand)}: started by hand, end them there" if by_hand else ""
+        hint = f"; still there: {others}" if others else ""
         raise LabStateError(
-            f"{lab.robot.name}: no `klab up`, `calibrate` or `park` of this machine runs on "
+            f"{name}: no `klab up`, `calibrate` or `park` of this machine runs on "
             f"{lab.bus.url}{hint}"
         )
-    for pid in here:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGINT)
+    late = {e.told.supervisor_pid for e in ours if e.told and e.name in COMMANDING} - commanding
+    _interrupt(late)
+    if commanding or late:
+        spin_for(listener, PATIENCE_S, lambda: _stands(view, name, listener))
+    _interrupt(here - commanding - late)
     spin_for(listener, END_LIMIT_S, lambda: not any(map(alive, here)))
     left = sorted(filter(alive, here))
     if left:
-        raise LabStateError(f"{lab.robot.name}: still running: process {', '.join(map(str, left))}")
-    err.print(f"{lab.robot.name} is down")
+        raise LabStateError(f"{name}: still running: process {', '.join(map(str, left))}")
+    for e in _entries(view, name, listener):
+        if e.told is not None and e.told.ended == KILLED:
+            err.print(f"{e.name} (process {e.pid}) did not end by itself: {KILLED}")
+    if others:
+        spin_for(listener, SILENT_S)
+        others = _others(_entries(view, name, listener), here)
+    if others:
+        err.print(f"{name} is not down; still there: {others}")
+        raise typer.Exit(1)
+    err.print(f"{name} is down")
+
+
+def _interrupt(pids: set[int]) -> None:
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGINT)
+
+
+def _entries(view: LabView, name: str, listener: Listener) -> list[Entry]:
+    robot = view.robots.get(name)
+    return [] if robot is None else robot.entries(listener.now_us())
+
+
+def _stands(view: LabView, name: str, listener: Listener) -> bool:
+    """Return whether nothing makes the robot move, as far as is known."""
+    robot = view.robots.get(name)
+    status = None if robot is None else robot.status(listener.now_us())
+    return status is None or status.v_setpoint_m_per_s == status.omega_setpoint_rad_per_s == 0.0
+
+
+def _ours(entry: Entry) -> bool:
+    """Return whether a command of this machine, and still there, started a process."""
+    from offboard.console.notes import is_klab
+
+    told = entry.told
+    return told is not None and told.host == socket.gethostname() and is_klab(told.supervisor_pid)
+
+
+def _others(entries: list[Entry], here: set[int]) -> str:
+    """Return in words who goes on without the commands ``here``, and who may stop it."""
+    words = []
+    for e in entries:
+        if e.state != "alive":
+            continue
+        if e.told is None:
+            words.append(f"{e.name} (process {e.pid}: started by hand, end it there by Ctrl-C)")
+        elif e.told.host != socket.gethostname():
+            words.append(f"{e.name} (on {e.told.host}: `klab down` there)")
+        elif e.told.supervisor_pid not in here:
+            words.append(f"{e.name} (process {e.pid}, of process {e.told.supervisor_pid})")
+    return ", ".join(words)
 
 
 def _heard(lab: LabConfig) -> tuple[Listener, LabView]:
@@ -132,9 +187,8 @@ def _show(found: dict[str, list[Entry]]) -> None:
         for e in entries:
             ended = f": {e.told.ended}" if e.told is not None and e.told.ended else ""
             needs = ", ".join(e.needs) or "nothing"
-            table.add_row(
-                robot, e.name, e.state + ended, str(e.pid), f"{e.age_s:.1f}", needs, e.stopped_by
-            )
+            heard = "-" if e.age_s is None else f"{e.age_s:.1f}"
+            table.add_row(robot, e.name, e.state + ended, str(e.pid), heard, needs, e.stopped_by)
     out.print(table)
     for robot, entries in sorted(found.items()):
         for e in entries:

@@ -9,7 +9,8 @@ import signal
 import socket
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from types import FrameType
 
@@ -22,11 +23,14 @@ from koopman_lab.units import US_PER_S
 from offboard.console.child import command
 from offboard.console.folder import RunFolder
 from offboard.console.notes import Note, last_lines
+from offboard.console.terminal import err
 from offboard.processes import NAMES
+from offboard.viewer.roll import SILENT_S
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 PATIENCE_S = 3.0
 """Time between these signals."""
+KILLED = f"killed by SIGKILL, {PATIENCE_S:g} s after SIGTERM and {2 * PATIENCE_S:g} s after SIGINT"
 READY_LIMIT_S = 30.0
 """Importing the solver on a busy board takes seconds."""
 LISTEN_S = 1.2
@@ -78,16 +82,19 @@ class Supervisor:
         self._folder = folder
         self._listener = listener
         self._children: dict[str, subprocess.Popen[bytes]] = {}
-        self._heard: dict[str, int] = {}
+        self._started_us: dict[str, int] = {}
+        self._heard_us: dict[str, int] = {}
         self._ended: dict[str, tuple[int, str]] = {}
         self._announced_us = 0
         self._note = Note(config, folder)
         self._lifeline_read, self._lifeline_write = os.pipe()
         for name, channel in HEARTBEATS.items():
-            listener.subscribe(channel, _note(name, self._heard))
+            listener.subscribe(channel, partial(self._hear, name))
 
-    def start(self, name: str, *arguments: str | Path) -> None:
+    def start(self, name: str, *arguments: str | Path, pass_fds: Sequence[int] = ()) -> None:
         """Start a node; its standard output and error go to its file in the run folder.
+
+        It inherits the file descriptors ``pass_fds``.
 
         Raises
         ------
@@ -113,9 +120,11 @@ class Supervisor:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
-                pass_fds=[self._lifeline_read],
+                pass_fds=[self._lifeline_read, *pass_fds],
                 start_new_session=True,
             )
+        self._started_us[name] = self._listener.now_us()
+        self._heard_us.pop(name, None)
         self._note.started(name, self._children[name].pid)
 
     def wait_ready(self, *names: str) -> None:
@@ -127,10 +136,10 @@ class Supervisor:
             If one ends, or is not heard in time.
         """
         end_s = time.monotonic() + READY_LIMIT_S
-        while any(self._heard.get(n) != self._children[n].pid for n in names):
+        while any(n not in self._heard_us for n in names):
             self.check()
             if time.monotonic() > end_s:
-                silent = [n for n in names if self._heard.get(n) != self._children[n].pid]
+                silent = [n for n in names if n not in self._heard_us]
                 raise LabStateError(
                     f"{', '.join(silent)}: started, but not heard on {self._config.bus.url} within "
                     f"{READY_LIMIT_S:g} s; `klab doctor` looks at the bus"
@@ -174,14 +183,35 @@ class Supervisor:
                 state == lcmtypes.process_t.DIED for state, _ in self._ended.values()
             ):
                 time.sleep(SHOWN_S)
-            _stop(self._children[name])
+            killed = _stop(self._children[name])
             code = self._children[name].returncode
-            self._note_end(name, lcmtypes.process_t.FINISHED, "" if code is None else _how(code))
+            how = KILLED if killed else "" if code is None else _how(code)
+            self._note_end(name, lcmtypes.process_t.FINISHED, how)
+            if killed:
+                with contextlib.suppress(OSError):  # of a terminal that was closed
+                    err.print(f"{name} did not end by itself: {KILLED}")
             self._announce()
         self._announce(FAREWELLS)
         self._note.over()
         os.close(self._lifeline_write)
         os.close(self._lifeline_read)
+
+    def _hear(self, name: str, beat: lcmtypes.node_status_t) -> None:
+        """Take a heartbeat; the logger of another command is none of ours."""
+        if name in self._children and beat.pid == self._children[name].pid:
+            self._heard_us[name] = self._listener.now_us()
+
+    def _state(self, name: str) -> int:
+        """Return how a child is that has not ended: there, still starting, or hung."""
+        told = lcmtypes.process_t
+        if name not in HEARTBEATS:
+            return told.RUNNING
+        heard_us = self._heard_us.get(name)
+        if heard_us is None:
+            age_s = (self._announced_us - self._started_us[name]) / US_PER_S
+            return told.STARTING if age_s <= READY_LIMIT_S else told.SILENT
+        age_s = (self._announced_us - heard_us) / US_PER_S
+        return told.RUNNING if age_s <= SILENT_S else told.SILENT
 
     def _note_end(self, name: str, state: int, how: str) -> None:
         """Keep how a child ended; the first word counts."""
@@ -201,7 +231,7 @@ class Supervisor:
             message.log_file = str(self._folder.process_log(name).absolute())
             if child.poll() == 0 and name in DRIVERS:
                 self._note_end(name, message.FINISHED, _how(0))
-            message.state, message.ended = self._ended.get(name, (message.RUNNING, ""))
+            message.state, message.ended = self._ended.get(name) or (self._state(name), "")
             if message.state == message.DIED:
                 lines = last_lines(self._folder.process_log(name))
                 message.last_lines = "\n".join(line[:LONGEST_LINE] for line in lines)
@@ -212,11 +242,14 @@ class Supervisor:
 def supervised(config: LabConfig, folder: RunFolder, listener: Listener) -> Iterator[Supervisor]:
     """Give a supervisor to the block and stop its children afterwards, however the block ends.
 
-    Inside, SIGTERM acts like Ctrl-C, and SIGINT does so even where a shell that started the
-    command in the background had it ignored.
+    Inside, SIGTERM and the end of the terminal act like Ctrl-C, and SIGINT does so even where a
+    shell that started the command in the background had it ignored.
     """
     supervisor = Supervisor(config, folder, listener)
-    before = {n: signal.signal(n, _interrupt) for n in (signal.SIGINT, signal.SIGTERM)}
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # as `nohup` leaves it
+        numbers.append(signal.SIGHUP)
+    before = {n: signal.signal(n, _interrupt) for n in numbers}
     try:
         yield supervisor
     finally:
@@ -272,10 +305,12 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _stop(child: subprocess.Popen[bytes]) -> None:
+def _stop(child: subprocess.Popen[bytes]) -> bool:
+    """End a process; return whether only SIGKILL did."""
     for number in SIGNALS:
         if child.poll() is not None:
-            return
+            return False
         child.send_signal(number)
         with contextlib.suppress(subprocess.TimeoutExpired):
             child.wait(PATIENCE_S)
+    return child.returncode == -signal.SIGKILL

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import socket
 from collections import deque
 from collections.abc import Callable
@@ -13,7 +14,7 @@ import typer
 from offboard.console import options
 from offboard.console.folder import new_folder
 from offboard.console.terminal import err, status_line
-from offboard.console.view import HOST, PORT, Port, free_port
+from offboard.console.view import HOST, PORT, TOKEN, Host, Port, addresses, listen, token_for
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
@@ -36,6 +37,7 @@ def up(
     view: Annotated[
         bool, typer.Option("--view", help="Serve the page of `klab view` too.")
     ] = False,
+    host: Host = HOST,
     port: Port = PORT,
 ) -> None:
     """Run plant, onboard loop and logger as supervised processes until Ctrl-C or `klab down`.
@@ -47,27 +49,29 @@ def up(
     Example: klab up --robot dynamic --robot-name R2
     """
     from koopman_lab.errors import LabStateError
+    from offboard.console.claim import claimed
     from offboard.console.supervisor import present, start_missing, supervised
 
     lab_config = options.resolve(
         config, overrides, options.kind_of(robot), preset, seed, url, robot_name=robot_name
     )
-    listener = options.listen(lab_config)
-    there = present(listener) & {"plant", "onboard"}
-    if there:
-        raise LabStateError(
-            f"{', '.join(sorted(there))} of {lab_config.robot.name} already on "
-            f"{lab_config.bus.url}; stop that lab, or take another name with --robot-name R2"
-        )
-    folder = new_folder(out, "up", lab_config)
     try:
-        with supervised(lab_config, folder, listener) as lab:
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(claimed(lab_config))
+            page = stack.enter_context(listen(host, port)) if view else None
+            listener = options.listen(lab_config)
+            there = present(listener) & {"plant", "onboard"}
+            if there:
+                raise LabStateError(
+                    f"{', '.join(sorted(there))} of {lab_config.robot.name} already on "
+                    f"{lab_config.bus.url}; stop that lab, or take another name with "
+                    "--robot-name R2"
+                )
+            folder = new_folder(out, "up", lab_config)
+            lab = stack.enter_context(supervised(lab_config, folder, listener))
             start_missing(lab, set(), folder)
-            if view:
-                port = port or free_port()
-                lab.start("view", "--port", str(port))
-                _wait_served(listener, lab, port)
-                err.print(f"page: http://{HOST}:{port}/")
+            if page is not None:
+                _serve(listener, lab, page, host)
             name, kind = lab_config.robot.name, lab_config.robot.kind
             err.print(f"{name} ({kind}) is up on {lab_config.bus.url}; log: {folder.log}")
             same = "" if robot_name is None else f" with --robot-name {name}"
@@ -81,16 +85,31 @@ def up(
         raise typer.Exit(130) from None
 
 
-def _wait_served(listener: Listener, lab: Supervisor, port: int) -> None:
-    """Wait until the page can be opened, so that nobody follows its address into nothing."""
+def _serve(listener: Listener, lab: Supervisor, page: socket.socket, host: str) -> None:
+    """Start the page and name its addresses once it answers: nobody follows them into nothing.
+
+    Nobody else can answer on the socket, which listens since before anything was started.
+    """
     from koopman_lab.errors import LabStateError
 
-    for _ in range(round(PAGE_LIMIT_S / WAIT_S)):
-        with contextlib.suppress(OSError), socket.create_connection((HOST, port), WAIT_S):
-            return
-        listener.spin(WAIT_S)
-        lab.check()
-    raise LabStateError(f"view: not served on port {port} within {PAGE_LIMIT_S:g} s")
+    token = token_for(host)
+    if token is not None:
+        os.environ[TOKEN] = token
+    fd = page.fileno()
+    lab.start("view", "--host", host, "--socket-fd", str(fd), pass_fds=[fd])
+    where = page.getsockname()[:2]
+    with socket.create_connection(where) as asking:
+        asking.sendall(b"HEAD /static/app.js HTTP/1.0\r\n\r\n")
+        asking.settimeout(WAIT_S)
+        for _ in range(round(PAGE_LIMIT_S / WAIT_S)):
+            with contextlib.suppress(TimeoutError):
+                asking.recv(1)
+                break
+            listener.spin(0.0)
+            lab.check()
+        else:
+            raise LabStateError(f"view: no answer on port {where[1]} within {PAGE_LIMIT_S:g} s")
+    err.print(f"page: {' or '.join(addresses(page, token))}", markup=False)
 
 
 def _follow(listener: Listener, lab: Supervisor, show: Callable[[str], None]) -> None:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
+import os
 import secrets
 import socket
+import struct
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -16,6 +20,8 @@ if TYPE_CHECKING:
 
 HOST, PORT = "127.0.0.1", 8765
 EVERYWHERE = ("0.0.0.0", "::")
+SIOCGIFADDR, ADDRESS = 0x8915, slice(20, 24)
+"""The question for an interface's address, and where it stands in the answer: netdevice(7)."""
 PING_S = 20.0
 """A client that answers no ping for so long is gone."""
 INTERRUPTED = 130
@@ -27,6 +33,10 @@ Host = Annotated[
     ),
 ]
 Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="TCP port; 0 takes any.")]
+
+
+TOKEN = "KOOPMAN_LAB_PAGE_TOKEN"
+"""Environment variable by which `klab up` gives the token: a list of processes would show it."""
 
 
 def view(
@@ -42,17 +52,33 @@ def view(
     Example: klab view --port 8765
     """
     lab = options.resolve(config, overrides, options.kind_of(robot), url=url)
-    serve(lab, host, port)
+    serve(lab, listen(host, port), token_for(host))
     raise typer.Exit(INTERRUPTED)
 
 
-def serve(config: LabConfig, host: str, port: int, lifeline_fd: int | None = None) -> None:
+def serve(
+    config: LabConfig,
+    listening: socket.socket,
+    token: str | None,
+    lifeline_fd: int | None = None,
+) -> None:
     """Serve the page until SIGINT, SIGTERM, or the end of the lifeline.
+
+    Parameters
+    ----------
+    config
+        Names the bus.
+    listening
+        From :func:`listen`.
+    token
+        From :func:`token_for`.
+    lifeline_fd
+        As for :func:`~koopman_lab.bus.realtime.run_node`.
 
     Raises
     ------
     LabStateError
-        If the extra packages are missing or the port cannot be had.
+        If the extra packages are missing.
     BusError
         If the bus cannot be opened.
     """
@@ -70,14 +96,9 @@ def serve(config: LabConfig, host: str, port: int, lifeline_fd: int | None = Non
     import asyncio
 
     from offboard.viewer.desk import Desk
-    from offboard.viewer.guard import LOOPBACK, Guard
+    from offboard.viewer.guard import Guard
 
-    token = None if host in LOOPBACK else secrets.token_urlsafe(16)
-    listening = _listen(host, port)
     desk = Desk(config)
-    address = f"http://{_shown(host)}:{listening.getsockname()[1]}/"
-    if token is not None:
-        address += f"?token={token}"
 
     async def run() -> None:
         server = Server(desk, Guard(token), lambda line: err.print(line, markup=False))
@@ -96,7 +117,8 @@ def serve(config: LabConfig, host: str, port: int, lifeline_fd: int | None = Non
         if lifeline_fd is not None:
             loop = asyncio.get_running_loop()
             loop.add_reader(lifeline_fd, lambda: setattr(http, "should_exit", True))
-        err.print(f"the lab on {config.bus.url} is shown at {address}", markup=False)
+        shown = " or ".join(addresses(listening, token))
+        err.print(f"the lab on {config.bus.url} is shown at {shown}", markup=False)
         await http.serve([listening])
 
     # uvicorn ends cleanly on a signal, then raises it once more.
@@ -108,20 +130,26 @@ def serve(config: LabConfig, host: str, port: int, lifeline_fd: int | None = Non
 
 def free_port() -> int:
     """Return a TCP port of this machine that nobody uses now."""
-    with socket.socket() as free:
-        free.bind((HOST, 0))
+    with listen(HOST, 0) as free:
         port: int = free.getsockname()[1]
         return port
 
 
-def _shown(host: str) -> str:
-    """Return how a browser is to name the host."""
-    if host in EVERYWHERE:
-        return socket.gethostname()
-    return f"[{host}]" if ":" in host else host
+def token_for(host: str) -> str | None:
+    """Return what the address must hold; None where only this machine can reach the page."""
+    from offboard.viewer.guard import LOOPBACK
+
+    return None if host in LOOPBACK else os.environ.get(TOKEN) or secrets.token_urlsafe(16)
 
 
-def _listen(host: str, port: int) -> socket.socket:
+def listen(host: str, port: int) -> socket.socket:
+    """Return a socket that listens.
+
+    Raises
+    ------
+    LabStateError
+        If the port cannot be had.
+    """
     from koopman_lab.errors import LabStateError
 
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -137,3 +165,23 @@ def _listen(host: str, port: int) -> socket.socket:
             "`klab view` may run: open its page, or choose another --port"
         ) from None
     return listening
+
+
+def addresses(listening: socket.socket, token: str | None) -> list[str]:
+    """Return what to open in a browser: by name and, from other machines, by number as well."""
+    host, port = listening.getsockname()[:2]
+    hosts = [socket.gethostname(), *_own_addresses()] if host in EVERYWHERE else [host]
+    query = "" if token is None else f"?token={token}"
+    return [f"http://{f'[{h}]' if ':' in h else h}:{port}/{query}" for h in hosts]
+
+
+def _own_addresses() -> list[str]:
+    """Return this machine's IPv4 addresses that others may reach; few phones know its name."""
+    found = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+        for _, name in socket.if_nameindex():
+            request = struct.pack("256s", name.encode())
+            with contextlib.suppress(OSError):  # an interface without an address
+                reply = fcntl.ioctl(any_socket, SIOCGIFADDR, request)
+                found.append(socket.inet_ntoa(reply[ADDRESS]))
+    return [address for address in found if not address.startswith("127.")]

@@ -69,9 +69,17 @@ def test_the_next_lab_of_the_robot_takes_the_place_of_what_broke(lab, bus_url):
 def test_who_speaks_again_is_not_called_dead(bus_url):
     lost = broken(bus_url, NOW_US)
     (plant,) = [entry for entry in lost["R1"] if entry.name == "plant"]
-    both = with_broken({"R1": [plant._replace(state=ALIVE, pid=7)]}, lost)["R1"]
+    both = with_broken({"R1": [plant._replace(state=ALIVE, pid=7, told=None)]}, lost)["R1"]
     states = {entry.name: (entry.state, entry.pid) for entry in both}
     assert states == {"plant": (ALIVE, 7), "logger": (DIED, 100), "onboard": (DIED, 102)}
+
+
+@pytest.mark.usefixtures("lab")
+def test_who_died_is_named_beside_another_of_its_name_that_a_command_started_before(bus_url):
+    lost = broken(bus_url, NOW_US)
+    (logger,) = [entry for entry in lost["R1"] if entry.name == "logger"]
+    both = with_broken({"R1": [logger._replace(state=ALIVE, pid=7)]}, {"R1": [logger]})["R1"]
+    assert [(e.pid, e.state) for e in both] == [(7, ALIVE), (100, DIED)]
 
 
 def test_a_folder_that_cannot_be_written_costs_only_the_note(lab, bus_url, tmp_path, monkeypatch):

@@ -136,9 +136,14 @@ def test_the_emergency_stop_holds_until_it_is_released(ear):
     ear.wait(lambda: ear.status.state == kind.REST)
 
 
-@pytest.mark.usefixtures("up")
-def test_a_second_lab_on_the_same_bus_is_refused(tmp_path):
-    done = klab("up", "--out", tmp_path / "second")
+def test_a_second_lab_on_the_same_bus_is_refused(up, ear, tmp_path, monkeypatch):
+    second = ("up", "--out", tmp_path / "second")
+    done = klab(*second)
+    assert done.returncode == 2
+    assert f"process {up[0].pid} runs the lab of R1 already on {ear.url}" in done.stderr
+    # Another user, or a person at another machine, has only heard it.
+    monkeypatch.setenv("KOOPMAN_LAB_CACHE", str(tmp_path / "cache"))
+    done = klab(*second)
     assert done.returncode == 2
     assert "of R1 already on" in done.stderr
     assert not (tmp_path / "second").exists()
