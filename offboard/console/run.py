@@ -246,4 +246,4 @@ def view(
     """
     lab = options.resolve(config, None, None)
     listening = listen(host, port) if socket_fd is None else socket.socket(fileno=socket_fd)
-    serve(lab, listening, token_for(host), lifeline_fd)
+    serve(lab, listening, token_for(host), lifeline_fd, own=True)

@@ -61,6 +61,8 @@ def serve(
     listening: socket.socket,
     token: str | None,
     lifeline_fd: int | None = None,
+    *,
+    own: bool = False,
 ) -> None:
     """Serve the page until SIGINT, SIGTERM, or the end of the lifeline.
 
@@ -74,6 +76,8 @@ def serve(
         From :func:`token_for`.
     lifeline_fd
         As for :func:`~koopman_lab.bus.realtime.run_node`.
+    own
+        As for :class:`~offboard.viewer.desk.Desk`.
 
     Raises
     ------
@@ -98,7 +102,7 @@ def serve(
     from offboard.viewer.desk import Desk
     from offboard.viewer.guard import Guard
 
-    desk = Desk(config)
+    desk = Desk(config, own=own)
 
     async def run() -> None:
         server = Server(desk, Guard(token), lambda line: err.print(line, markup=False))

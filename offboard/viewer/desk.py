@@ -33,6 +33,8 @@ class Desk:
     ----------
     config
         Of the lab: the bus, and what to assume of a robot that does not say its configuration.
+    own
+        Whether it is the very configuration of the robot that it names.
 
     Raises
     ------
@@ -40,8 +42,8 @@ class Desk:
         If the bus cannot be opened.
     """
 
-    def __init__(self, config: LabConfig) -> None:
-        self.view = LabView(config)
+    def __init__(self, config: LabConfig, *, own: bool = False) -> None:
+        self.view = LabView(config, config.robot.name if own else None)
         self._config = config
         self._ear = Listener(config)
         self._ear.overhear(self.view.take)

@@ -64,9 +64,11 @@ class RobotView:
         The robot.
     config
         What to assume as long as no session says its configuration.
+    known
+        Whether it is no assumption, but the configuration of this very robot.
     """
 
-    def __init__(self, name: str, config: LabConfig) -> None:
+    def __init__(self, name: str, config: LabConfig, *, known: bool = False) -> None:
         self.name = name
         self.config = config
         self._settled = settled(config)
@@ -92,7 +94,7 @@ class RobotView:
         self._beats = {c.suffix: node for node, c in channels.HEARTBEATS.items()}
         self._config_yaml = ""
         self._config_trouble = ""
-        self._assumed = True
+        self._assumed = not known
         self._heard_us: int | None = None
         self._row_due_us = 0
         self._tables: _Tables | None = None

@@ -26,11 +26,13 @@ class LabView:
     ----------
     config
         What to assume of a robot as long as no session says its configuration.
+    own
+        Name of the robot whose very configuration this is, None if of none.
     """
 
-    def __init__(self, config: LabConfig) -> None:
+    def __init__(self, config: LabConfig, own: str | None = None) -> None:
         self.robots: dict[str, RobotView] = {}
-        self._config = config
+        self._config, self._own = config, own
         self._streams = Streams()
         self._left_out: tuple[str, int] | None = None
         """The newest robot without a place, and when it spoke (us)."""
@@ -90,7 +92,7 @@ class LabView:
                 self._left_out = name, now_us
                 return None
             del self.robots[silent.name]
-        robot = self.robots[name] = RobotView(name, self._config)
+        robot = self.robots[name] = RobotView(name, self._config, known=name == self._own)
         return robot
 
     def _notes(self, now_us: int) -> list[str]:

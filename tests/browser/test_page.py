@@ -232,7 +232,7 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(opened,
     page = opened(address)
     errors = []
     page.on("pageerror", lambda error: errors.append(error))  # playwright marks what it is given
-    expect(page.locator("#line")).to_contain_text(
+    expect(page.locator("#line")).to_have_text(
         f"{ROBOT}: at rest, nobody commands it", timeout=PATIENCE_MS
     )
     page.evaluate(

@@ -347,3 +347,10 @@ def test_size_and_sets_are_marked_as_assumed_until_a_session_says_them():
     assert not robot["assumed"]
     assert "assumes" not in robot["line"]
     assert robot["robot"]["track_width_m"] == 0.5
+    # The page of a lab knows its own robot.
+    view = LabView(load_config(), own="R1")
+    for name in ("R1", "R2"):
+        speak(view, name, 0)
+    assert {name: robot["assumed"] for name, robot in view.snapshot(0).items()} == {
+        **{"R1": False, "R2": True},
+    }
