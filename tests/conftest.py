@@ -1,9 +1,13 @@
 """Each test process gets an LCM bus of its own, set before anything opens one."""
 
+import contextlib
+import json
 import os
 import shutil
 import tempfile
 import zlib
+from collections.abc import Iterator
+from pathlib import Path
 
 # One thread for linear algebra: the tests run side by side on few cores.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -36,6 +40,17 @@ def pytest_unconfigure() -> None:
     """Remove what the run compiled."""
     if _CACHE is not None:
         shutil.rmtree(_CACHE, ignore_errors=True)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _labs_forgotten() -> Iterator[None]:
+    """Forget the labs that a file's tests broke: they are no news to those of the next."""
+    yield
+    port = f":{_PORT}?"
+    for note in (Path(os.environ["KOOPMAN_LAB_CACHE"]) / "labs").glob("*.json"):
+        with contextlib.suppress(FileNotFoundError):  # other processes' labs come and go
+            if port in json.loads(note.read_text())["bus"]:
+                note.unlink()
 
 
 @pytest.fixture

@@ -44,7 +44,7 @@ def typed(line: str) -> list[str]:
 def run(line: str, cwd: Path, *shorter: str) -> str:
     """Run a line to its end, expect success, return what it printed."""
     done = klab(*typed(line)[1:], *shorter, cwd=cwd)
-    assert done.returncode == 0, f"{line}\n{done.stderr}"
+    assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
     return done.stdout
 
 

@@ -28,7 +28,7 @@ export function processes(table, entries) {
   fill(table, entries.map((entry) => {
     const bad = entry.state === "died" || entry.state === "silent";
     return [entry.name, [`${entry.state}${entry.ended ? `: ${entry.ended}` : ""}`, bad],
-      `${digits(entry.age_s, 1)} s ago`, `${entry.pid}`, `${entry.missed_ticks ?? "-"}`,
+      entry.age_s === null ? "-" : `${digits(entry.age_s, 1)} s ago`, `${entry.pid}`, `${entry.missed_ticks ?? "-"}`,
       `${entry.lost_messages ?? "-"}`, entry.needs.join(", ") || "nothing", entry.stopped_by];
   }));
   entries.forEach((entry, i) => {
