@@ -1,1 +1,1 @@
-"""The desk's side of the radio: logger, sampler, controller, console."""
+"""The desk's side of the radio: logger, sampler, controller, and what a person starts."""

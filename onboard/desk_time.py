@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.clock import PPM
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.emulation.clock import PPM
 from onboard.time_sync import Exchange, TimeSync
 
 

@@ -13,9 +13,6 @@ from koopman_lab.errors import BusError
 if TYPE_CHECKING:
     from koopman_lab.config.schema import LabConfig
 
-LONGEST_NAME = 63
-"""LCM refuses longer channel names."""
-
 
 class Message(Protocol):
     """What every generated LCM type of this project offers."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from koopman_lab.bus.clock import DriftingClock
 from koopman_lab.bus.header import header_reader, restamp
 from koopman_lab.bus.node import RawHandler
 from koopman_lab.bus.sequence import SequenceCounter
-from koopman_lab.bus.wire import Wire, from_log
+from koopman_lab.emulation.clock import DriftingClock
+from koopman_lab.emulation.wire import Wire, from_log
 
 
 class Inlet:

@@ -8,13 +8,13 @@ from functools import partial
 
 import lcmtypes
 from koopman_lab.bus.channels import ABOARD, FAULT, HEARTBEATS, PLANT_RESET, Channel, M, Message
-from koopman_lab.bus.clock import DriftingClock
 from koopman_lab.bus.inlet import Inlet
 from koopman_lab.bus.node import Node, RawHandler, Tick
-from koopman_lab.bus.radio import RadioPair, radio_pair
-from koopman_lab.bus.wire import Wire
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.robot.faults import Faults, fault_of
+from koopman_lab.emulation.clock import DriftingClock
+from koopman_lab.emulation.faults import Faults, fault_of
+from koopman_lab.emulation.radio import RadioPair, radio_pair
+from koopman_lab.emulation.wire import Wire
 from koopman_lab.units import US_PER_S
 
 Taker = Callable[[bytes, int], None]

@@ -22,8 +22,8 @@ from koopman_lab.config.values import RobotKind
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import DataError
 from koopman_lab.files import replacing, replacing_folder, write_json
-from koopman_lab.geometry import TAU, wrap_angle
-from koopman_lab.robot.models import nominal_model
+from koopman_lab.geometry.planar import TAU, wrap_angle
+from koopman_lab.robots.models import nominal_model
 
 Array = NDArray[np.float64]
 HEADER = "dataset.json"

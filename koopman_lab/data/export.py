@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 from koopman_lab.bus.channels import Channel, split_name
 from koopman_lab.bus.plain import flat, json_schema, plain
-from koopman_lab.data.eventlog import Event
 from koopman_lab.errors import BusError, LogError
+from koopman_lab.eventlog.eventlog import Event
 from koopman_lab.files import replacing, replacing_folder
 
 ARRIVAL = "arrival_us"

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 import lcmtypes
 from koopman_lab.data.segments import Segment, cut, phase_runs
 from koopman_lab.data.wire import StructuredArray
-from koopman_lab.geometry import ORIGIN, Pose, relative_to, wrap_angle
+from koopman_lab.geometry.planar import ORIGIN, Pose, relative_to, wrap_angle
 
 Array = NDArray[np.float64]
 

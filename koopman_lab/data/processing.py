@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from koopman_lab.config.values import RobotKind
 from koopman_lab.data.segments import Segment
-from koopman_lab.geometry import TAU
+from koopman_lab.geometry.planar import TAU
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]

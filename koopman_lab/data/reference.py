@@ -21,8 +21,8 @@ from koopman_lab.data.processing import margin, states
 from koopman_lab.data.segments import Run, cut, in_time
 from koopman_lab.data.wire import StructuredArray
 from koopman_lab.errors import DataError
-from koopman_lab.geometry import ORIGIN, Pose
-from koopman_lab.robot.models import nominal_model
+from koopman_lab.geometry.planar import ORIGIN, Pose
+from koopman_lab.robots.models import nominal_model
 from koopman_lab.units import US_PER_S
 
 LATE = 1.1

@@ -10,8 +10,8 @@ from koopman_lab.config.values import RobotKind
 from koopman_lab.data.dat import is_folder, read_folder
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.decode import SessionLog
-from koopman_lab.data.eventlog import Damage
 from koopman_lab.errors import DataError
+from koopman_lab.eventlog.eventlog import Damage
 
 ENDING = ".npz"
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.data.messages import Messages
+from koopman_lab.eventlog.messages import Messages
 
 StructuredArray = NDArray[np.void]
 

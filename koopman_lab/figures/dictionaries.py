@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from koopman_lab.data.reference import ReferenceRuns, Trajectory, mean_inputs
+from koopman_lab.evaluation.metrics import along, rolling
+from koopman_lab.evaluation.validation import NOMINAL, common_dt_s, predictors, starts_by_offset
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
-from koopman_lab.koopman.metrics import along, rolling
 from koopman_lab.koopman.model import BilinearModel
-from koopman_lab.koopman.validation import NOMINAL, common_dt_s, predictors, starts_by_offset
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]

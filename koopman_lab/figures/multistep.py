@@ -11,12 +11,12 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from koopman_lab.data.reference import ReferenceRuns
+from koopman_lab.evaluation.metrics import along, rolling
+from koopman_lab.evaluation.rolling import starts_along
+from koopman_lab.evaluation.validation import predictors
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
-from koopman_lab.koopman.metrics import along, rolling
 from koopman_lab.koopman.model import BilinearModel
-from koopman_lab.koopman.rolling import starts_along
-from koopman_lab.koopman.validation import predictors
 
 COLOURS = ("tab:blue", "tab:red", "black")
 """With reprojection, without, nominal: those of the paper."""

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from koopman_lab.evaluation.needed import STEPS, NeededRow, as_table
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
-from koopman_lab.koopman.needed import STEPS, NeededRow, as_table
 
 
 def draw_needed(stem: Path, rows: Sequence[NeededRow]) -> None:
@@ -20,7 +20,7 @@ def draw_needed(stem: Path, rows: Sequence[NeededRow]) -> None:
     stem
         Path without ending.
     rows
-        From :func:`~koopman_lab.koopman.needed.needed`.
+        From :func:`~koopman_lab.evaluation.needed.needed`.
     """
     figure = new_figure(width=9.0, height=3.6)
     left, right = figure.subplots(1, 2)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from koopman_lab.evaluation.sweep import STEPS, Entry, SweepRow, as_table
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
-from koopman_lab.koopman.sweep import STEPS, Entry, SweepRow, as_table
 
 STYLES = ("o-", "s--")
 """Of the estimators."""
@@ -23,7 +23,7 @@ def draw_sweep(stem: Path, rows: Sequence[SweepRow], entries: Sequence[Entry]) -
     stem
         Path without ending.
     rows
-        From :func:`~koopman_lab.koopman.sweep.sweep`.
+        From :func:`~koopman_lab.evaluation.sweep.sweep`.
     entries
         Those of the matrices to show, each as its deviation from the nominal equations.
     """

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from koopman_lab.evaluation.validation import COLUMNS, NOMINAL, Validation, as_table
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
-from koopman_lab.koopman.validation import COLUMNS, NOMINAL, Validation, as_table
 
 MEASURES = (
     ("position_mean_m", 1e3, "mean position error (mm)"),
@@ -27,7 +27,7 @@ def draw_validation(stem: Path, validations: Sequence[Validation]) -> None:
     stem
         Path without ending.
     validations
-        From :func:`~koopman_lab.koopman.validation.validate`.
+        From :func:`~koopman_lab.evaluation.validation.validate`.
     """
     sessions = list(dict.fromkeys(v.session for v in validations))
     models = [m for m in dict.fromkeys(v.model for v in validations) if m != NOMINAL]

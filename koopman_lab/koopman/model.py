@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import ModelError
 from koopman_lab.files import replacing
-from koopman_lab.geometry import ORIGIN, Pose
+from koopman_lab.geometry.planar import ORIGIN, Pose
 from koopman_lab.koopman.combination import (
     PAPER,
     Combination,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import OffsetFree
-from koopman_lab.geometry import wrap_angle
+from koopman_lab.geometry.planar import wrap_angle
 from koopman_lab.mpc.prediction import PredictionModel
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ import numpy as np
 
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import DataError, LabError
-from koopman_lab.koopman.heldout import only
-from koopman_lab.koopman.needed import draw
+from koopman_lab.evaluation.heldout import only
+from koopman_lab.evaluation.needed import draw
 from koopman_lab.koopman.train import Method, train
 
 COUNTS = (5, 10, 50, 100, 200, 500, 1000, 2000)

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry import Pose, relative_to, wrap_angle
+from koopman_lab.geometry.planar import Pose, relative_to, wrap_angle
 from koopman_lab.mpc.receding_horizon import Decision, RecedingHorizon
 from koopman_lab.units import US_PER_S
 from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds
-from offboard.controller.goal import require_reachable
-from offboard.obstacle import Obstacle
+from offboard.desk.goal_message import require_reachable
+from offboard.desk.obstacle import Obstacle
 
 REST_SPEED_M_PER_S = 0.01
 REST_TURN_RAD_PER_S = 0.05

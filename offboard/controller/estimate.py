@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry import Pose, Velocity, relative_to, wrap_angle
+from koopman_lab.geometry.planar import Pose, Velocity, relative_to, wrap_angle
 from koopman_lab.units import US_PER_S
 from offboard.controller.inputs import InputHistory
 

@@ -12,15 +12,15 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import BackEnd, LabConfig
 from koopman_lab.errors import LabStateError
-from koopman_lab.geometry import ORIGIN, Pose, Velocity, compose, relative_to
+from koopman_lab.geometry.planar import ORIGIN, Pose, Velocity, compose, relative_to
 from koopman_lab.mpc.prediction import PredictionModel, load_prediction
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.units import US_PER_S
-from offboard.commander import Commands, Freshness, SessionInfo
 from offboard.controller.controller import Controller, Inputs, State
 from offboard.controller.delay import LoopDelay
 from offboard.controller.estimate import Frame, WheelSpeeds
 from offboard.controller.report import ParkOutcome, TrajectoryPoint, mpc_state
+from offboard.desk.commander import Commands, Freshness, SessionInfo
 
 CONTROLLER = lcmtypes.velocity_command_t.CONTROLLER
 

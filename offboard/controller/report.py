@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import lcmtypes
-from koopman_lab.geometry import Pose
+from koopman_lab.geometry.planar import Pose
 from offboard.controller.controller import Outputs, Pause
 
 

@@ -8,7 +8,7 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.data.logwriter import RotatingLogWriter
+from koopman_lab.eventlog.logwriter import RotatingLogWriter
 
 KEEP_RATE_HZ = 10.0
 """Ending the process by force, or a power failure, costs at most two such periods of data."""

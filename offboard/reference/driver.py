@@ -8,9 +8,9 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry import Pose
+from koopman_lab.geometry.planar import Pose
 from koopman_lab.units import US_PER_S
-from offboard.placing import stands
+from offboard.desk.placing import stands
 
 ASK_AGAIN_S = 1.0
 """Placing is asked for again after this time, should the message be lost."""

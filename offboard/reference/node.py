@@ -9,9 +9,9 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.commanders import NOBODY
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry import Pose
-from offboard.commander import Commands, Freshness, SessionInfo
-from offboard.placing import reset_message
+from koopman_lab.geometry.planar import Pose
+from offboard.desk.commander import Commands, Freshness, SessionInfo
+from offboard.desk.placing import reset_message
 from offboard.reference.driver import Action, Driver, Observation, Phase
 from offboard.reference.shapes import Shape, input_sequence, start_pose
 

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ConfigError
-from koopman_lab.geometry import REST, Pose, Velocity
+from koopman_lab.geometry.planar import REST, Pose, Velocity
 
 CLOSING_SWING_RAD = 2.404825557695773
 """The first zero of the Bessel function J0: a heading that swings by it, like a cosine in time and

@@ -10,8 +10,8 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry import Pose, Velocity
-from offboard.commander import Commands, Freshness, SessionInfo
+from koopman_lab.geometry.planar import Pose, Velocity
+from offboard.desk.commander import Commands, Freshness, SessionInfo
 from offboard.sampler.plan import Planner
 from offboard.sampler.sampler import NOTHING, Action, Observation, Phase, Progress, Sampler
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from koopman_lab.config import schema
 from koopman_lab.config.schema import LabConfig, StateSet
-from koopman_lab.geometry import REST, Pose, Velocity, move_along_arc, wrap_angle
+from koopman_lab.geometry.planar import REST, Pose, Velocity, move_along_arc, wrap_angle
 
 
 class Draw(NamedTuple):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
-from koopman_lab.geometry import REST, Pose, Velocity, wrap_angle
+from koopman_lab.geometry.planar import REST, Pose, Velocity, wrap_angle
 from koopman_lab.units import US_PER_S
 from offboard.sampler.plan import Draw, Launch, Planner, contains
 from offboard.sampler.profile import clip, slew, stopping_speed

@@ -1,1 +1,1 @@
-"""What a person sees of the lab: a pure reducer of its messages, a server, and one page."""
+"""What a person sees of the lab: a server, and one page."""

@@ -10,10 +10,10 @@ from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.units import US_PER_S
-from offboard.orders import WAIT_S, Order, goal_order, stop_order
+from offboard.desk.orders import WAIT_S, Order, goal_order, stop_order
+from offboard.monitor.robot import RobotView
+from offboard.monitor.state import LabView
 from offboard.viewer.request import ARM, GOAL, RELEASE, STOP, Request
-from offboard.viewer.robot import RobotView
-from offboard.viewer.state import LabView
 
 ARMED_S = 10.0
 """So long after its first step the second step of a release is taken."""

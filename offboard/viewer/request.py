@@ -7,7 +7,7 @@ import math
 from typing import Any, NamedTuple
 
 from koopman_lab.errors import LabStateError
-from koopman_lab.geometry import Pose, wrap_angle
+from koopman_lab.geometry.planar import Pose, wrap_angle
 
 LARGEST_BYTES = 1024
 """A request takes less than 200."""

@@ -25,12 +25,12 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from koopman_lab.errors import LabError
-from offboard.orders import WAIT_S
+from offboard.desk.orders import WAIT_S
+from offboard.monitor.state import Marks
 from offboard.viewer.desk import Desk
 from offboard.viewer.guard import Guard
 from offboard.viewer.refusals import Refusals
 from offboard.viewer.request import LARGEST_BYTES, RequestError, parse_request
-from offboard.viewer.state import Marks
 
 PAGE = Path(__file__).parent / "page"
 SNAPSHOT_S = 0.05

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry import REST, Velocity, body_velocity, wheel_speeds
+from koopman_lab.geometry.planar import REST, Velocity, body_velocity, wheel_speeds
 from koopman_lab.units import US_PER_S
 from onboard.motor_loop.health import LEFT, NO_FAULT, OLDEST_US, RIGHT, Fault, Health
 from onboard.motor_loop.hold import Command, Hold, Intent, Refusal

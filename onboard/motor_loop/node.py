@@ -8,7 +8,7 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry import body_velocity
+from koopman_lab.geometry.planar import body_velocity
 from onboard.desk_time import DeskTime
 from onboard.motor_loop.hold import Command, Intent
 from onboard.motor_loop.loop import MotorLoop

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from koopman_lab.config.robot_side import VelocityLimits
-from koopman_lab.geometry import REST, Velocity
+from koopman_lab.geometry.planar import REST, Velocity
 
 
 def saturate(velocity: Velocity, limits: VelocityLimits) -> Velocity:

@@ -10,7 +10,7 @@ from math import cos, sin
 import numpy as np
 
 from koopman_lab.config.robot_side import Mocap
-from koopman_lab.geometry import PlainPose, wrap_angle
+from koopman_lab.geometry.planar import PlainPose, wrap_angle
 from koopman_lab.units import US_PER_S
 
 NOTHING: PlainPose = (0.0, 0.0, 0.0)

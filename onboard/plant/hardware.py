@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.robot.faults import NO_EFFECTS, Faults
+from koopman_lab.emulation.faults import NO_EFFECTS, Faults
 from onboard.plant.counters import Counters, Counts
 from onboard.plant.driver import Driver
 from onboard.plant.plant import Plant

@@ -8,8 +8,8 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry import Pose
-from koopman_lab.robot.faults import fault_of
+from koopman_lab.emulation.faults import fault_of
+from koopman_lab.geometry.planar import Pose
 from onboard.plant.cameras import Cameras
 from onboard.plant.hardware import Hardware
 from onboard.plant.plant import Plant

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry import PlainPose, Pose, wrap_angle
+from koopman_lab.geometry.planar import PlainPose, Pose, wrap_angle
 from koopman_lab.units import US_PER_S, wrap_counter
 from onboard.plant.drivetrain import Drivetrain
 from onboard.plant.ideal import IdealDrives

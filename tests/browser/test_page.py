@@ -10,13 +10,13 @@ import subprocess
 import pytest
 from klab import KLAB, MODEL, REFERENCE, start_klab
 from playwright.sync_api import expect
-from test_real_time import other
+from real_bus import other
 
 from koopman_lab.bus.channels import ESTOP, HEARTBEATS, PROCESS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
-from offboard.console.bench_browser import browser, visit
-from offboard.console.wheels import Wheels
+from offboard.bench.browser import browser, visit
+from offboard.bench.wheels import Wheels
 
 PATIENCE_MS = 60_000
 WAIT_S = 0.05

@@ -7,14 +7,14 @@ import pytest
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.lockstep import Lockstep
-from koopman_lab.bus.wire import SILENCE_US, Wire
 from koopman_lab.config.load import load_config
 from koopman_lab.config.robot_side import Fault
-from koopman_lab.data.eventlog import read_events
-from koopman_lab.geometry import Pose
-from koopman_lab.robot.faults import fault_message
+from koopman_lab.emulation.faults import fault_message
+from koopman_lab.emulation.wire import SILENCE_US, Wire
+from koopman_lab.eventlog.eventlog import read_events
+from koopman_lab.geometry.planar import Pose
 from koopman_lab.units import US_PER_S
-from offboard.placing import reset_message
+from offboard.desk.placing import reset_message
 from onboard.motor_loop.loop import State
 from onboard.motor_loop.node import OnboardNode
 from onboard.plant.node import PlantNode

@@ -14,9 +14,9 @@ from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.sequence import LARGEST_GAP, SequenceCounter
 from koopman_lab.config.load import load_config
 from koopman_lab.data.decode import SessionLog
-from koopman_lab.data.eventlog import read_events
+from koopman_lab.eventlog.eventlog import read_events
 from offboard.logger.node import LoggerNode
-from offboard.viewer.state import LabView
+from offboard.monitor.state import LabView
 
 CONFIG = load_config()
 NOW_US = 10**15

@@ -5,16 +5,16 @@ import pytest
 
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import LabStateError
-from koopman_lab.geometry import Pose, Velocity, compose, relative_to
+from koopman_lab.geometry.planar import Pose, Velocity, compose, relative_to
 from koopman_lab.mpc.costs import stage_cost
 from koopman_lab.mpc.prediction import NominalPrediction
 from koopman_lab.mpc.receding_horizon import RecedingHorizon
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, make_solver
-from koopman_lab.robot.models import nominal_model
+from koopman_lab.robots.models import nominal_model
 from offboard.controller.controller import Controller, Inputs, State
 from offboard.controller.estimate import Frame, WheelSpeeds
-from offboard.obstacle import Obstacle
+from offboard.desk.obstacle import Obstacle
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
 NEAR = Pose(-0.15, 0.02, 0.1)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from koopman.ideal_data import ideal_dataset
+from ideal_data import ideal_dataset
 
 from koopman_lab.data.dat import is_folder, read_folder, write_folder
 from koopman_lab.data.dataset import DataSet

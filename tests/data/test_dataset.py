@@ -9,7 +9,7 @@ import lcmtypes
 from koopman_lab.config.load import load_config
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import DataError, LogError
-from koopman_lab.geometry import wrap_angle
+from koopman_lab.geometry.planar import wrap_angle
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ from mcap.reader import make_reader
 
 from koopman_lab.bus.channels import MPC_STATE
 from koopman_lab.bus.plain import plain
-from koopman_lab.data.eventlog import Event, read_events
 from koopman_lab.data.export import export_csv, export_mcap
 from koopman_lab.errors import LogError
+from koopman_lab.eventlog.eventlog import Event, read_events
 
 PARK = Path(__file__).parent / "reference" / "park.lcm"
 

@@ -17,7 +17,7 @@ from koopman_lab.data.marker import (
 )
 from koopman_lab.data.segments import Run, Segment
 from koopman_lab.data.wire import native_dtype
-from koopman_lab.geometry import ORIGIN, Pose, compose, relative_to, wrap_angle
+from koopman_lab.geometry.planar import ORIGIN, Pose, compose, relative_to, wrap_angle
 
 RATE = 240.0
 OFFSET = Pose(0.012, -0.007, 0.03)

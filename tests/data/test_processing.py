@@ -12,7 +12,7 @@ from koopman_lab.data.processing import (
     states,
 )
 from koopman_lab.data.segments import Run, Segment
-from koopman_lab.geometry import wrap_angle
+from koopman_lab.geometry.planar import wrap_angle
 
 RATE = 240.0
 RUN = Run(0, 1, (0.2, 0.0), 0, 10_000_000)

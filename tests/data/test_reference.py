@@ -2,19 +2,19 @@
 
 import numpy as np
 import pytest
-from data.synthetic_session import EPOCH_US
+from synthetic_session import EPOCH_US
 
 import lcmtypes
 from koopman_lab.bus.channels import MOCAP_POSE, REFERENCE_STATE, SESSION_INFO
 from koopman_lab.config.load import dump_config, load_config
 from koopman_lab.data.decode import SessionLog
-from koopman_lab.data.logwriter import EventLogWriter
 from koopman_lab.data.reference import reference_runs
 from koopman_lab.errors import DataError
-from koopman_lab.geometry import ORIGIN, Pose, compose, wrap_angle
-from koopman_lab.koopman.metrics import by_nominal, per_step, rolling
-from koopman_lab.koopman.rolling import starts_along
-from koopman_lab.robot.models import nominal_model
+from koopman_lab.evaluation.metrics import by_nominal, per_step, rolling
+from koopman_lab.evaluation.rolling import starts_along
+from koopman_lab.eventlog.logwriter import EventLogWriter
+from koopman_lab.geometry.planar import ORIGIN, Pose, compose, wrap_angle
+from koopman_lab.robots.models import nominal_model
 from offboard.reference.shapes import Shape, input_sequence, start_pose
 
 DT_US = 50_000

@@ -13,8 +13,8 @@ from koopman_lab.bus.channels import (
 )
 from koopman_lab.config.load import dump_config, load_config
 from koopman_lab.data.decode import ChannelSummary, SessionLog
-from koopman_lab.data.logwriter import EventLogWriter
 from koopman_lab.errors import ConfigError, LogError
+from koopman_lab.eventlog.logwriter import EventLogWriter
 
 SYNC = b"\xed\xa1\xda\x01"
 """How every event of a log begins."""

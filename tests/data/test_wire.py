@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 import lcmtypes
 from koopman_lab.bus.channels import CHANNELS
-from koopman_lab.data.messages import Messages
 from koopman_lab.data.wire import decode_all, decode_each, native_dtype, wire_dtype
+from koopman_lab.eventlog.messages import Messages
 
 TYPES = sorted({channel.type for channel in CHANNELS}, key=lambda t: t.__name__)
 VARIABLE = {lcmtypes.mpc_state_t, lcmtypes.session_info_t, lcmtypes.process_t}

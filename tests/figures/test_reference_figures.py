@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from koopman.ideal_data import ideal_dataset
-from koopman.nominal_runs import DT_S, run
+from ideal_data import ideal_dataset
+from nominal_runs import DT_S, run
 
 from koopman_lab.config.load import load_config
 from koopman_lab.data.reference import ReferenceRuns
 from koopman_lab.figures.dictionaries import draw_dictionaries, open_loop
 from koopman_lab.figures.multistep import draw_multi_step, multi_step
-from koopman_lab.geometry import ORIGIN
+from koopman_lab.geometry.planar import ORIGIN
 from koopman_lab.koopman.train import train
 
 STEPS = 30

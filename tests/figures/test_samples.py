@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from data.synthetic_session import Session
+from synthetic_session import Session
 
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.recording import recording

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from koopman_lab.geometry import (
+from koopman_lab.geometry.planar import (
     Pose,
     body_velocity,
     compose,

@@ -9,10 +9,10 @@ from ideal_data import ideal_dataset
 from scipy.linalg import expm
 
 from koopman_lab.errors import DataError, ModelError
+from koopman_lab.evaluation.heldout import only
 from koopman_lab.koopman.dictionary import DICTIONARIES, dictionary
 from koopman_lab.koopman.excitation import excitation
 from koopman_lab.koopman.fit import fit_matrix, fit_moments
-from koopman_lab.koopman.heldout import only
 from koopman_lab.koopman.moments import Moments
 from koopman_lab.koopman.samples import lag_us, samples
 from koopman_lab.koopman.symmetry import equivariant_basis

@@ -12,7 +12,7 @@ from koopman_lab.koopman.dictionary import DICTIONARIES, Dictionary, register
 from koopman_lab.koopman.fit import fit_matrix
 from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.koopman.train import Method, train
-from koopman_lab.robot.models import nominal_model
+from koopman_lab.robots.models import nominal_model
 
 
 def d5t_generator(v, omega):

@@ -20,7 +20,7 @@ from koopman_lab.mpc.prediction import (
 )
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.mpc.rollout import Rollout
-from koopman_lab.robot.models import nominal_model
+from koopman_lab.robots.models import nominal_model
 
 CONTROLLER = load_config(robot="kinematic").controller
 ANGLE = st.floats(-9.0, 9.0)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from motor_bench import CONTROLLER, SAMPLER, TICK_US, Bench
 
 from koopman_lab.config.load import load_config
-from koopman_lab.geometry import Velocity
+from koopman_lab.geometry.planar import Velocity
 from koopman_lab.units import COUNTER_RANGE
 from onboard.motor_loop.hold import NOBODY, Intent
 from onboard.motor_loop.loop import State

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from tests_support import ideal_run
 
 from koopman_lab.config.load import load_config
-from koopman_lab.geometry import Pose
+from koopman_lab.geometry.planar import Pose
 from onboard.plant.plant import Plant
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from koopman_lab.config.load import load_config
-from koopman_lab.geometry import Pose, compose
+from koopman_lab.geometry.planar import Pose, compose
 from onboard.plant.cameras import Cameras
 
 PERIOD_US = 4167

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from koopman_lab.config.load import load_config
 from koopman_lab.config.robot_side import Fault
-from koopman_lab.geometry import Pose
+from koopman_lab.geometry.planar import Pose
 from koopman_lab.units import wrap_counter
 from onboard.plant.cameras import Cameras
 from onboard.plant.counters import Counters

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from test_motor_loop import Bench
+from motor_bench import Bench
 
 from koopman_lab.config.load import load_config
-from koopman_lab.geometry import Pose, Velocity, move_along_arc
+from koopman_lab.geometry.planar import Pose, Velocity, move_along_arc
 
 DT_S, STEPS, SPLIT = 0.05, 20, 10
 

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from tests_support import Script
 
 from koopman_lab.bus import channels
-from koopman_lab.bus.clock import DriftingClock
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config
-from koopman_lab.data.eventlog import read_events
-from koopman_lab.robot.faults import Faults
+from koopman_lab.emulation.clock import DriftingClock
+from koopman_lab.emulation.faults import Faults
+from koopman_lab.eventlog.eventlog import read_events
 from offboard.logger.node import LoggerNode
 from offboard.sampler.node import SamplerNode
 from onboard.motor_loop.node import OnboardNode

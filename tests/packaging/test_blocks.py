@@ -61,13 +61,13 @@ NO_BUS = (
 """Commands that need no bus and no other process, beside those of ALONE."""
 
 ELSEWHERE = {
-    "waits for a lab, a bus or Ctrl-C; run by tests/console/test_readme_live.py": (
+    "waits for a lab, a bus or Ctrl-C; run by tests/packaging/test_readme_live.py": (
         *("klab up", "klab estop", "klab goal", "klab status", "klab down", "klab run"),
         *("klab view", "klab topics", "klab fault", "klab replay", "lcm-logplayer"),
         "klab calibrate --robot-name",
     ),
     "trained from the log of a replay, there too": ("klab train runs/replay",),
-    "on less, with what it prints looked at: tests/console/test_bench.py, test_fault_table.py": (
+    "on less, with what it prints looked at: tests/bench/test_bench.py, test_fault_table.py": (
         *("klab bench faults", "klab bench realtime", "klab bench ocp", "klab bench parks"),
         *("klab bench logger", "klab bench edmd", "klab bench view"),
     ),

@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 from checkout import checkout
 from klab import ALONE, SHORT_RUNS, klab, klab_ok
+from real_bus import Ear, other
 from terminals import FIRST, HEREDOC, HOUR, LIMIT_S, REPLAYS, Terminal, run
-from test_real_time import Ear, other
 
 from koopman_lab.bus.channels import CHANNELS
 from koopman_lab.config.load import load_config
-from offboard.console.view import free_port
+from offboard.commands.view import free_port
 
 NEAR = ("--start", "-0.1", "0", "0")
 DEMO = "./scripts/demo --lockstep --out runs/demo"

@@ -6,7 +6,7 @@ import pytest
 import typer
 from terminals import README, words_of
 
-from offboard.console.main import app
+from offboard.cli.main import app
 
 ROOT = Path(__file__).parents[2]
 LINES = words_of(README)

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import lcmtypes
 from koopman_lab.bus import channels
+from koopman_lab.eventlog.eventlog import LONGEST_NAME
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted((ROOT / "lcmtypes").glob("*.lcm"))
@@ -119,7 +120,7 @@ def test_every_channel_has_a_type_of_ours_and_a_name_that_lcm_takes():
     for channel in channels.CHANNELS:
         assert channel.type.__name__ in {s.stem for s in SOURCES}
         assert re.fullmatch(r"[A-Z][A-Z0-9_]*", channel.suffix)
-        assert len(channel.name(LONGEST_ROBOT_NAME)) <= channels.LONGEST_NAME
+        assert len(channel.name(LONGEST_ROBOT_NAME)) <= LONGEST_NAME
 
 
 def test_every_type_is_spoken_on_some_channel():

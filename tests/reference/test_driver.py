@@ -3,7 +3,7 @@
 import pytest
 
 from koopman_lab.config.load import load_config
-from koopman_lab.geometry import Pose
+from koopman_lab.geometry.planar import Pose
 from offboard.reference.driver import Driver, Observation, Phase
 
 START = Pose(0.7, 0.1, -0.8)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import LabStateError
-from koopman_lab.geometry import REST, Pose, Velocity, compose, move_along_arc
+from koopman_lab.geometry.planar import REST, Pose, Velocity, compose, move_along_arc
 from offboard.sampler.plan import Planner, contains
 from offboard.sampler.profile import stopping_speed
 from offboard.sampler.sampler import Observation, Phase, Sampler

@@ -103,7 +103,9 @@ run_study(Path(sys.argv[1]), study(), Processes(2), chunk=1, on_progress=kill)
 
 
 def test_a_killed_command_goes_on(tmp_path, undisturbed):
-    paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[1])])
+    paths = os.pathsep.join(
+        [str(Path(__file__).parent), str(Path(__file__).parents[1] / "support")]
+    )
     ended = subprocess.run(
         [sys.executable, "-c", KILLED, str(tmp_path)],
         env=os.environ | {"PYTHONPATH": paths},

@@ -1,0 +1,1 @@
+"""How well data and models predict: one step and many, held-out runs, data needed."""

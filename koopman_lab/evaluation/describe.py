@@ -1,0 +1,63 @@
+"""What a data set holds, and what of a dictionary it excites."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from koopman_lab.data.dataset import DataSet
+from koopman_lab.data.source import window_of
+from koopman_lab.koopman.dictionary import dictionary
+from koopman_lab.koopman.excitation import excitation
+from koopman_lab.koopman.moments import Moments
+from koopman_lab.koopman.samples import add_samples, samples
+from koopman_lab.robots.models import nominal_model
+
+
+def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:
+    """Return facts about a data set as JSON can hold them.
+
+    For each basis input: its value, the number of pairs and runs, the smallest and the largest
+    value of each state (m, m, rad and, for the second-order robot, m/s, rad/s), the number of
+    successors whose angle lies outside (-pi, pi], and the
+    :class:`~koopman_lab.koopman.excitation.Excitation` of the dictionary.
+
+    Raises
+    ------
+    ModelError
+        If there is no such dictionary for the robot.
+    """
+    observables = dictionary(dictionary_name, dataset.robot_kind)
+    names = nominal_model(dataset.robot_kind).state_names
+    bases = {}
+    for index, u in sorted(dataset.basis_inputs.items()):
+        X, Y = dataset.X[index], dataset.Y[index]
+        moments = Moments(observables.size)
+        add_samples(moments, samples(dataset, index, observables))
+        found = asdict(excitation(moments))
+        if not np.isfinite(found["condition"]):
+            found["condition"] = None
+        bases[str(index)] = {
+            "input": u.tolist(),
+            "pairs": len(X),
+            "segments": len(np.unique(dataset.segments[index])),
+            "ranges": {
+                name: [float(x.min()), float(x.max())] if len(x) else None
+                for name, x in zip(names, X.T, strict=True)
+            },
+            "angles_continued": int(np.count_nonzero(np.abs(Y[:, 2]) > np.pi)),
+            "excitation": found,
+        }
+    return {
+        "robot": dataset.robot_kind,
+        "dt_s": dataset.dt_s,
+        "window": window_of(dataset),
+        "pairs": sum(len(x) for x in dataset.X.values()),
+        "data_hash": dataset.data_hash,
+        "source": dataset.metadata.get("source"),
+        "marker": dataset.metadata.get("marker"),
+        "dictionary": observables.name,
+        "basis_inputs": bases,
+    }

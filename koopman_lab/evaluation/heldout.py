@@ -1,0 +1,82 @@
+"""Errors of a model on segments that it was not trained with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from koopman_lab.data.dataset import DataSet
+from koopman_lab.data.later import begin_later
+from koopman_lab.evaluation.metrics import Errors, deviations, summary
+from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.units import US_PER_S
+
+Array = NDArray[np.float64]
+EVERY = 5
+"""Every fifth run of each basis input is held out."""
+MOST_STARTS = 2000
+"""Of predictions for each basis input; more change nothing."""
+
+Runs = dict[int, NDArray[np.int64]]
+"""By basis index: numbers of runs (k,)."""
+
+
+def held_out_runs(dataset: DataSet, every: int = EVERY) -> Runs:
+    """Return every ``every``-th run of each basis input."""
+    return {i: np.unique(numbers)[every - 1 :: every] for i, numbers in dataset.segments.items()}
+
+
+def split(dataset: DataSet, held: Runs) -> tuple[DataSet, DataSet]:
+    """Return the data set without, and with only, these runs."""
+    inside = {i: np.isin(numbers, held[i]) for i, numbers in dataset.segments.items()}
+    return only(dataset, {i: ~mask for i, mask in inside.items()}), only(dataset, inside)
+
+
+def only(dataset: DataSet, chosen: dict[int, NDArray[np.bool_]]) -> DataSet:
+    """Return the data set with the chosen pairs (d,) of each basis input."""
+    return replace(
+        dataset,
+        X={i: x[chosen[i]] for i, x in dataset.X.items()},
+        Y={i: y[chosen[i]] for i, y in dataset.Y.items()},
+        segments={i: s[chosen[i]] for i, s in dataset.segments.items()},
+        start_us={i: s[chosen[i]] for i, s in dataset.start_us.items()},
+    )
+
+
+def errors(model: BilinearModel, dataset: DataSet, steps: int) -> Errors | None:
+    """Return the errors of predictions over runs of a data set; None if no run is long enough.
+
+    The state after ``steps`` sampling times is the successor of the one that ``steps - 1`` later
+    began a pair of the same run.
+
+    Parameters
+    ----------
+    model
+        What predicts, with reprojection.
+    dataset
+        Has runs of the basis inputs.
+    steps
+        How far ahead, at least 1.
+    """
+    found = [np.zeros((0, max(2, model.state_dim - 1)))]
+    for index, u in dataset.basis_inputs.items():
+        starts, ends = _matched(dataset, index, steps)
+        if not len(starts):
+            continue
+        x0, x_end = dataset.X[index][starts], dataset.Y[index][ends]
+        inputs = np.broadcast_to(u, (len(x0), steps, 2))
+        found.append(deviations(model.predict(x0, inputs)[:, -1], x_end))
+    return summary(np.concatenate(found), steps)
+
+
+def _matched(dataset: DataSet, index: int, steps: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return pairs (k,) and those (k,) that begin ``steps - 1`` sampling times later."""
+    starts = np.arange(len(dataset.X[index]))
+    ends = starts
+    if steps > 1:
+        ahead_us = round((steps - 1) * dataset.dt_s * US_PER_S)
+        starts, ends = begin_later(dataset, index, ahead_us)
+    every = 1 + len(starts) // MOST_STARTS
+    return starts[::every], ends[::every]

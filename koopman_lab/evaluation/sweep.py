@@ -1,0 +1,163 @@
+"""How the smoothing window moves the fit (paper, section 5.2 and its figure of samples).
+
+The window decides the entries that integrate: an angle grows by omega dt, and what noise in omega
+takes from that entry compounds over the horizon.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.data.dataset import DataSet
+from koopman_lab.data.decode import SessionLog
+from koopman_lab.errors import DataError
+from koopman_lab.evaluation.heldout import errors, held_out_runs, split
+from koopman_lab.evaluation.metrics import Errors
+from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.koopman.samples import Estimator
+from koopman_lab.koopman.train import Method, train
+
+STEPS = 20
+"""The paper's horizon of the multi-step errors."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An entry of M_i that the nominal equations know: the row's observable per the column's."""
+
+    basis_index: int
+    row: str
+    column: str
+    nominal: float
+
+    @property
+    def name(self) -> str:
+        """Return how it is called, for example ``M_0[omega,omega]``."""
+        return f"M_{self.basis_index}[{self.row},{self.column}]"
+
+
+@dataclass(frozen=True)
+class SweepRow:
+    """The fit with one window and estimator.
+
+    ``entries`` by name; ``constant_residual`` is how far least squares was from the row of the
+    constant, ``condition`` that of the worst basis input, ``one_step`` and ``multi_step`` the
+    errors on held-out runs. ``refused`` says why there is no fit, and then the rest is None.
+    """
+
+    window: int
+    pairs: int
+    estimator: Estimator = "plain"
+    refused: str | None = None
+    entries: dict[str, float] | None = None
+    constant_residual: float | None = None
+    condition: float | None = None
+    one_step: Errors | None = None
+    multi_step: Errors | None = None
+
+
+def known_entries(config: LabConfig, observables: Sequence[str]) -> list[Entry]:
+    """Return the entries to look at that a dictionary with these observables has."""
+    dt_s, inputs = config.processing.dt_s, config.sampler.indexed_inputs
+    entries = [
+        Entry(0, "v", "v", 1.0),
+        Entry(0, "omega", "omega", 1.0),
+        Entry(0, "theta", "omega", dt_s),
+        Entry(1, "v", "1", inputs[1][0] * dt_s),
+        Entry(2, "omega", "1", inputs[2][1] * dt_s),
+    ]
+    return [e for e in entries if e.row in observables and e.column in observables and e.nominal]
+
+
+def sweep(
+    log: SessionLog,
+    windows: Sequence[int],
+    dictionary: str,
+    estimators: Sequence[Estimator] = ("plain",),
+) -> Iterator[SweepRow]:
+    """Fit a session with one window after the other, with each estimator.
+
+    All models are measured on the same held-out runs, smoothed with the session's own window, so
+    that the errors differ by the model alone.
+
+    Parameters
+    ----------
+    log
+        A calibration session of the second-order robot.
+    windows
+        In frames.
+    dictionary
+        By name.
+    estimators
+        Of :mod:`koopman_lab.koopman.samples`.
+
+    Raises
+    ------
+    LabError
+        If the session cannot be used, or is of the kinematic robot.
+    """
+    config = log.config()
+    if config.robot.kind == "kinematic":
+        raise DataError(
+            f"{log.path}: the kinematic robot has no velocities among its states, so no window "
+            "changes its fit; give a session of `klab calibrate --robot dynamic`"
+        )
+    whole = DataSet.from_log(log, config)
+    runs = held_out_runs(whole)
+    _, held = split(whole, runs)
+    for window in windows:
+        dataset = DataSet.from_log(log, config, window=window)
+        pairs = sum(map(len, dataset.X.values()))
+        rest = split(dataset, runs)[0]
+        for estimator in estimators:
+            try:
+                model, report = train(rest, dictionary, Method(estimator))
+            except DataError as error:
+                yield SweepRow(window, pairs, estimator, refused=str(error))
+                continue
+            yield SweepRow(
+                window,
+                pairs,
+                estimator,
+                None,
+                _values(model, known_entries(config, model.dictionary.names)),
+                max(b.constant_residual for b in report.bases),
+                max(b.excitation.condition for b in report.bases if b.excitation),
+                errors(model, held, 1),
+                errors(model, held, STEPS),
+            )
+
+
+def _values(model: BilinearModel, entries: Sequence[Entry]) -> dict[str, float]:
+    names = model.dictionary.names
+    return {
+        e.name: float(model.matrices[e.basis_index][names.index(e.row), names.index(e.column)])
+        for e in entries
+    }
+
+
+def as_table(rows: Sequence[SweepRow]) -> tuple[list[str], list[list[Any]]]:
+    """Return column names and one line a fit, None where there is no number."""
+    entries = next((list(row.entries) for row in rows if row.entries), [])
+    measures = [name for name in Errors.__dataclass_fields__ if name not in ("steps", "starts")]
+    columns = ["window", "pairs", "estimator", *entries, "constant_residual", "condition"]
+    columns += [f"{name}_1_step" for name in measures]
+    columns += [f"{name}_{STEPS}_steps" for name in measures]
+    lines = [
+        [
+            row.window,
+            row.pairs,
+            row.estimator,
+            *((row.entries or {}).get(name) for name in entries),
+            row.constant_residual,
+            row.condition,
+            *(getattr(row.one_step, name, None) for name in measures),
+            *(getattr(row.multi_step, name, None) for name in measures),
+            row.refused,
+        ]
+        for row in rows
+    ]
+    return [*columns, "refused"], lines

@@ -1,0 +1,185 @@
+"""Models side by side on reference runs that none of them has seen (paper, section 5.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from koopman_lab.data.reference import ReferenceRuns
+from koopman_lab.errors import DataError, ModelError
+from koopman_lab.evaluation.metrics import (
+    Errors,
+    Predict,
+    Starts,
+    by_model,
+    by_nominal,
+    per_step,
+    rolling,
+)
+from koopman_lab.evaluation.rolling import starts_along
+from koopman_lab.geometry.planar import ORIGIN, Pose
+from koopman_lab.koopman.model import BilinearModel
+
+NOMINAL = "nominal"
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """Something that predicts, by the name of its model.
+
+    ``dictionary`` and ``reprojection`` are None for the nominal equations. ``marker_offset`` is the
+    pose of the tracked frame in the frame whose poses it predicts.
+    """
+
+    model: str
+    predict: Predict
+    dictionary: str | None = None
+    reprojection: bool | None = None
+    marker_offset: Pose = ORIGIN
+
+    @property
+    def label(self) -> str:
+        """Return what to call it where there is little room."""
+        return self.model + (", no reprojection" if self.reprojection is False else "")
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Errors of one predictor on the runs of one session, of 1, 2, ... steps."""
+
+    session: str
+    shape: str
+    runs: int
+    model: str
+    label: str
+    dictionary: str | None
+    reprojection: bool | None
+    errors: Sequence[Errors | None]
+
+
+def common_dt_s(models: Mapping[str, BilinearModel]) -> float:
+    """Return the sampling time of all models.
+
+    Raises
+    ------
+    DataError
+        If it is not the same.
+    """
+    times = {model.dt_s for model in models.values()}
+    if len(times) > 1:
+        listing = ", ".join(f"{name} {model.dt_s:g} s" for name, model in models.items())
+        raise DataError(
+            f"models of different sampling times ({listing}) take different steps; "
+            "validate them one by one"
+        )
+    return times.pop()
+
+
+def require_robot(models: Mapping[str, BilinearModel], runs: ReferenceRuns) -> None:
+    """Refuse models of another robot than the one that drove.
+
+    Raises
+    ------
+    ModelError
+        If there is one.
+    """
+    kind = runs.config.robot.kind
+    for name, model in models.items():
+        if model.robot_kind != kind:
+            raise ModelError(
+                f"{runs.path}: runs of the {kind} robot, but the model {name} "
+                f"({model.dictionary.name}) is of the {model.robot_kind} one; leave one of them out"
+            )
+
+
+def predictors(models: Mapping[str, BilinearModel]) -> list[Predictor]:
+    """Return each model with and without reprojection, and the nominal equations beside them.
+
+    The nominal equations see the runs as the first model does.
+    """
+    found = [
+        Predictor(
+            name,
+            by_model(model, reproject=reproject),
+            model.dictionary.name,
+            reproject,
+            model.marker_offset,
+        )
+        for name, model in models.items()
+        for reproject in (True, False)
+    ]
+    first = next(iter(models.values()))
+    nominal = by_nominal(first.robot_kind, common_dt_s(models))
+    return [*found, Predictor(NOMINAL, nominal, marker_offset=first.marker_offset)]
+
+
+def starts_by_offset(
+    found: Sequence[Predictor], runs: ReferenceRuns, steps: int, dt_s: float
+) -> dict[Pose, Starts]:
+    """Return what predictors start from, by their marker offsets."""
+    rate_hz = runs.config.mocap.rate_hz
+    offsets = dict.fromkeys(predictor.marker_offset for predictor in found)
+    return {o: starts_along(runs.trajectories(o), steps, dt_s, rate_hz) for o in offsets}
+
+
+def validate(
+    models: Mapping[str, BilinearModel], runs: ReferenceRuns, steps: int
+) -> Iterator[Validation]:
+    """Measure models by name on the runs of a session.
+
+    Parameters
+    ----------
+    models
+        At least one, all of the session's robot and of one sampling time.
+    runs
+        Of the session.
+    steps
+        How far ahead to predict, at least 1.
+
+    Raises
+    ------
+    ModelError
+        If a model is of another robot.
+    DataError
+        If the models differ in their sampling times, or no run is as long as that.
+    """
+    require_robot(models, runs)
+    dt_s = common_dt_s(models)
+    wanted = predictors(models)
+    starts = starts_by_offset(wanted, runs, steps, dt_s)
+    if not all(len(s.x0) for s in starts.values()):
+        raise DataError(
+            f"{runs.path}: no two states {dt_s:g} s apart in its runs; see whether the cameras "
+            "saw the robot, and lower --window if it is wide"
+        )
+    for predictor in wanted:
+        yield Validation(
+            str(runs.path),
+            runs.shape,
+            runs.count,
+            predictor.model,
+            predictor.label,
+            predictor.dictionary,
+            predictor.reprojection,
+            per_step(rolling(predictor.predict, starts[predictor.marker_offset])),
+        )
+
+
+COLUMNS = [
+    *("session", "shape", "runs", "model", "dictionary", "reprojection"),
+    *(field.name for field in fields(Errors)),
+]
+
+
+def as_table(validations: Sequence[Validation]) -> list[list[Any]]:
+    """Return one line for each predictor, session and number of steps; see :data:`COLUMNS`."""
+    return [
+        [
+            *(v.session, v.shape, v.runs, v.model, v.dictionary, v.reprojection),
+            *asdict(errors).values(),
+        ]
+        for v in validations
+        for errors in v.errors
+        if errors is not None
+    ]

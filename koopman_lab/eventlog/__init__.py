@@ -1,0 +1,1 @@
+"""The standard LCM event log: read, index, write, salvage."""

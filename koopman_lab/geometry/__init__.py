@@ -1,0 +1,1 @@
+"""Angles, planar poses, wheels."""

@@ -1,0 +1,143 @@
+"""One node once more, in one thread, with the inputs that a log holds.
+
+The node runs in lockstep, in its place among the others, who are there only with what the log says
+they sent. A log made in lockstep is repeated to the last bit: each input comes at its time and in
+its turn among the node's ticks, and aboard the radio and the clock make the same draws again. In
+real time nobody writes down when a tick was run, so there the outputs agree only about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from koopman_lab.bus.channels import CHANNELS, DRIVERS, Channel, Owner
+from koopman_lab.bus.lockstep import Lockstep
+from koopman_lab.bus.node import Node, Port
+from koopman_lab.bus.port import Taker
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.eventlog.eventlog import Event
+from koopman_lab.replay.life import Life
+from koopman_lab.units import US_PER_S
+
+PLACES: tuple[Owner, ...] = ("plant", "onboard", "logger", "commander", "operator", "supervisor")
+"""Who acts when, at equal times."""
+LOGGER = PLACES.index("logger")
+
+
+class Output(NamedTuple):
+    """A message of the node, as the logger received it at ``at_us``."""
+
+    at_us: int
+    name: str
+    data: bytes
+
+
+class Rerun(NamedTuple):
+    """What a node said once, and what it says now.
+
+    Attributes
+    ----------
+    recorded, again
+        Messages in order of arrival.
+    end_us
+        The log's last time (us).
+    """
+
+    recorded: list[Output]
+    again: list[Output]
+    end_us: int
+
+
+def place_of(publisher: Owner) -> int:
+    """Return the place of a publisher among all."""
+    return PLACES.index("commander" if publisher in DRIVERS else publisher)
+
+
+def outputs_of(node_name: str) -> list[Channel[Any]]:
+    """Return the channels that a node speaks on."""
+    mine: set[str] = {node_name}
+    if node_name in DRIVERS:
+        mine.add("commander")
+    return [channel for channel in CHANNELS if channel.publisher in mine]
+
+
+class _Nobody:
+    """Holds a place."""
+
+    name = ""
+
+    def attach(self, port: Port) -> None:
+        """Say nothing."""
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+class _Collector(_Nobody):
+    """Takes what the node sends, in the logger's place."""
+
+    def __init__(self, channels: Sequence[Channel[Any]]) -> None:
+        self.heard: list[Output] = []
+        self._channels = channels
+
+    def attach(self, port: Port) -> None:
+        """Listen to the node."""
+        for channel in self._channels:
+            port.subscribe_raw(channel, self._on_message)
+
+    def _on_message(self, name: str, data: bytes, arrived_us: int) -> None:
+        self.heard.append(Output(arrived_us, name, data))
+
+
+def rerun(
+    node: Node,
+    config: LabConfig,
+    events: Sequence[Event],
+    life: Life,
+    on_progress: Callable[[float], None] | None = None,
+) -> Rerun:
+    """Run a node with its recorded inputs, to its own finish or the end of the log.
+
+    Parameters
+    ----------
+    node
+        As it was made for the record; not attached yet.
+    config
+        The lab of the record.
+    events
+        Of a log, in the order they were written; at least one.
+    life
+        From :func:`~koopman_lab.replay.life.life_of`.
+    on_progress
+        Told the time in s once every virtual second.
+    """
+    mine = outputs_of(node.name)
+    names = {channel.name(config.robot.name) for channel in mine}
+    collector = _Collector(mine)
+    lab = Lockstep(config, life.start_us, life.process)
+    here = place_of(node.name)  # type: ignore[arg-type]
+    for place in range(len(PLACES)):
+        lab.add(node if place == here else collector if place == LOGGER else _Nobody())
+    places = {c.name(config.robot.name): place_of(c.publisher) for c in CHANNELS}
+    before_us = None
+    for event in events:
+        at_us, name = event.timestamp_us, event.channel
+        if name not in names and name in lab.routes and at_us >= life.start_us:
+            place = places[name]
+            if PLACES[place] == "operator" and at_us != before_us:
+                # Whoever is no node speaks between two times: before all others if first.
+                place = 0
+            lab.push(at_us, place, _sender(lab, name), event.data)
+        before_us = at_us
+    end_us = max(event.timestamp_us for event in events)
+    try:
+        lab.run((end_us - life.start_us) / US_PER_S, on_progress=on_progress)
+    finally:
+        lab.close()
+    recorded = [Output(e.timestamp_us, e.channel, e.data) for e in events if e.channel in names]
+    return Rerun(recorded, collector.heard, end_us)
+
+
+def _sender(lab: Lockstep, name: str) -> Taker:
+    return lambda data, _: lab.send(name, data)

@@ -1,1 +1,0 @@
-"""Nominal models of the robot."""

@@ -1,0 +1,1 @@
+"""Every fault on the whole robot, and what it does."""

@@ -1,0 +1,124 @@
+"""What makes a drive go wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import lcmtypes
+from koopman_lab.bus.channels import (
+    ACCELERATION_CMD,
+    ESTOP,
+    FAULT,
+    GOAL,
+    MOCAP_POSE,
+    VELOCITY_CMD,
+    WHEEL_STATE,
+)
+from koopman_lab.config.robot_side import Fault
+from koopman_lab.config.values import RobotKind
+from koopman_lab.emulation.faults import fault_message
+from koopman_lab.errors import LabStateError, ModelError
+from koopman_lab.geometry.planar import Pose
+from koopman_lab.mpc.prediction import NominalPrediction
+from koopman_lab.units import US_PER_S
+from offboard.bench.faults.failing_solver import FailingSolver
+from offboard.bench.faults.stage import Stage
+from offboard.controller.node import ControllerNode
+from offboard.desk.goal_message import goal_message, require_reachable
+from offboard.sampler.node import SamplerNode
+
+
+@dataclass(frozen=True)
+class Inject:
+    """A strike that sends a fault."""
+
+    fault: Fault
+
+    def __call__(self, stage: Stage) -> None:
+        """Send it."""
+        stage.lab.publish(FAULT, fault_message(self.fault, stage.lab.now_us))
+
+
+def kill(name: str) -> Callable[[Stage], None]:
+    """Return a strike that lets a node die."""
+    return lambda stage: stage.kill(name)
+
+
+def estop(stage: Stage) -> None:
+    """Press the emergency stop."""
+    message = lcmtypes.estop_t()
+    message.utime, message.engaged = stage.lab.now_us, True
+    stage.lab.publish(ESTOP, message)
+
+
+def command(u: float, age_s: float = 0.0) -> Callable[[Stage], None]:
+    """Return a strike that sends one more command in the controller's name."""
+
+    def send(stage: Stage) -> None:
+        utime = stage.lab.now_us - round(age_s * US_PER_S)
+        if stage.config.robot.kind == "dynamic":
+            a = lcmtypes.acceleration_command_t()
+            a.utime, a.commander, a.intent = utime, a.CONTROLLER, a.BEGIN
+            a.a_m_per_s2 = u
+            stage.lab.publish(ACCELERATION_CMD, a)
+        else:
+            v = lcmtypes.velocity_command_t()
+            v.utime, v.commander, v.intent = utime, v.CONTROLLER, v.BEGIN
+            v.v_m_per_s = u
+            stage.lab.publish(VELOCITY_CMD, v)
+
+    return send
+
+
+def send_to(goal: Pose) -> Callable[[Stage], None]:
+    """Return a strike that moves the goal, and tells what `klab goal` would say of it."""
+
+    def strike(stage: Stage) -> None:
+        try:
+            require_reachable(goal, stage.config.controller)
+        except LabStateError as error:
+            stage.told = str(error)
+        stage.lab.publish(GOAL, goal_message(goal, stage.lab.now_us))
+
+    return strike
+
+
+def wrong_model(stage: Stage) -> None:
+    """Start a second controller, with a model of the other robot."""
+    other: RobotKind = "kinematic" if stage.config.robot.kind == "dynamic" else "dynamic"
+    prediction = NominalPrediction(other, stage.config.controller.dt_s)
+    try:
+        stage.join(ControllerNode(stage.config, prediction))
+    except ModelError as error:
+        stage.told = str(error)
+
+
+def no_number(stage: Stage) -> None:
+    """Send a frame whose pose is no number, and says nothing of it."""
+    frame = lcmtypes.mocap_pose_t()
+    frame.utime, frame.tracking_valid = stage.lab.now_us, True
+    frame.x1_m = frame.x2_m = frame.theta_rad = math.nan
+    stage.lab.publish(MOCAP_POSE, frame)
+
+
+def no_wheels(stage: Stage) -> None:
+    """Let the board say nothing more of its wheels."""
+    stage.mortals["onboard"].muted.add(WHEEL_STATE.suffix)
+
+
+def failing_solver(times: float) -> Callable[[Stage], None]:
+    """Return a strike that lets the solver fail a number of times."""
+
+    def strike(stage: Stage) -> None:
+        assert isinstance(stage.commander, ControllerNode)  # by the scenario's activity
+        optimiser = stage.commander.controller.optimiser
+        optimiser.back_end = FailingSolver(optimiser.back_end, times)
+
+    return strike
+
+
+def second_commander(stage: Stage) -> None:
+    """Start a calibration while the controller parks."""
+    stage.join(SamplerNode(stage.config))

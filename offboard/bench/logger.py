@@ -1,0 +1,152 @@
+"""Our logger and lcm-logger on one bus, both counted."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from koopman_lab.config.schema import LabConfig
+from offboard.bench.session import drive
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from koopman_lab.bus.realtime import Listener
+    from offboard.lab.folder import RunFolder
+
+OURS, THEIRS = "klab run logger", "lcm-logger"
+PATIENCE_S = 10.0
+
+
+class Row(NamedTuple):
+    """What one logger did.
+
+    Attributes
+    ----------
+    events
+        Messages stored.
+    camera_frames, camera_frames_lost
+        Stored, and missing between the first and the last stored one by their numbers.
+    lost
+        Missing on all channels.
+    cpu_share
+        CPU time over real time.
+    memory_mb
+        Largest resident memory.
+    """
+
+    events: int
+    camera_frames: int
+    camera_frames_lost: int
+    lost: int
+    cpu_share: float
+    memory_mb: float
+
+
+def measure(
+    config: LabConfig,
+    folder: RunFolder,
+    listener: Listener,
+    seconds: float,
+    report: Callable[[float], None],
+) -> dict[str, Row]:
+    """Record a calibration with both loggers at once.
+
+    Both have the same receive buffer and, where it is permitted, the same priority.
+
+    Parameters
+    ----------
+    config
+        The lab; the sampler must have more to do than there is time.
+    folder
+        Takes both logs.
+    listener
+        This process's ear on the bus.
+    seconds
+        From the moment the robot is driven.
+    report
+        Told the seconds that have passed.
+
+    Raises
+    ------
+    LabStateError
+        If a process dies or the robot is not driven.
+    """
+    import lcm
+
+    from koopman_lab.bus.multicast import bus_url
+    from koopman_lab.bus.realtime import ask_for_priority
+    from offboard.lab.supervisor import start_missing, supervised
+
+    theirs = folder.path / "lcm-logger.lcm"
+    # The binary: the wheel's wrapper script does not hand signals on.
+    binary = Path(lcm.LCM_BIN_DIR) / "lcm-logger"
+    with supervised(config, folder, listener) as lab:
+        peer = subprocess.Popen(
+            [binary, f"--lcm-url={bus_url(config)}", "--quiet", theirs],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            preexec_fn=ask_for_priority,
+        )
+        try:
+            start_missing(lab, set(), folder)
+            processes = {OURS: lab.process("logger"), THEIRS: peer.pid}
+            before = {name: _cpu_s(pid) for name, pid in processes.items()}
+            drive(lab, config, folder, listener, seconds, report)
+            used = {name: _cpu_s(pid) - before[name] for name, pid in processes.items()}
+            memory = {name: _memory_mb(pid) for name, pid in processes.items()}
+        finally:
+            peer.terminate()
+            peer.wait(PATIENCE_S)
+    logs = {OURS: folder.log, THEIRS: theirs}
+    return {
+        name: _row(log, config, used[name] / seconds, memory[name]) for name, log in logs.items()
+    }
+
+
+def as_table(found: dict[str, Row], camera_rate_hz: float, seconds: float) -> Table:
+    """Return the figures as a table."""
+    from rich.table import Table
+
+    table = Table("logger", title=f"cameras at {camera_rate_hz:g} Hz, {seconds:g} s")
+    for column in ("messages", "camera frames", "frames lost", "lost", "CPU", "memory"):
+        table.add_column(column, justify="right")
+    for name, row in found.items():
+        table.add_row(
+            name,
+            *map(str, row[:4]),
+            f"{100.0 * row.cpu_share:.1f} %",
+            f"{row.memory_mb:.0f} MB",
+        )
+    return table
+
+
+def _row(log: Path, config: LabConfig, cpu_share: float, memory_mb: float) -> Row:
+    from koopman_lab.bus.channels import MOCAP_POSE
+    from koopman_lab.data.decode import SessionLog
+
+    channels = SessionLog(log).channels
+    cameras = channels[MOCAP_POSE.name(config.robot.name)]
+    return Row(
+        sum(channel.count for channel in channels.values()),
+        cameras.count,
+        cameras.lost,
+        sum(channel.lost for channel in channels.values()),
+        cpu_share,
+        memory_mb,
+    )
+
+
+def _cpu_s(pid: int) -> float:
+    """Return the CPU time of a process (s)."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _memory_mb(pid: int) -> float:
+    """Return the largest resident memory of a process (MB)."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return int(next(line for line in lines if line.startswith("VmHWM")).split()[1]) / 1e3

@@ -1,0 +1,195 @@
+"""`klab bench parks`: from how many random starts each controller parks the robot of the lab."""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from koopman_lab.config.change import changed
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.geometry.planar import Pose, relative_to
+from offboard.terminal import options
+from offboard.terminal.messages import err, out, progress
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from koopman_lab.mpc.prediction import PredictionModel
+
+LARGEST_X2_M, LARGEST_ANGLE_RAD = 0.005, math.radians(2.0)
+"""What counts as within."""
+AFTER_LIMIT_S = 3.0
+
+
+@dataclass(frozen=True)
+class Park:
+    """How one run ended: whether the controller says so, and where the robot truly stands.
+
+    ``pose`` relative to the goal in m, m, rad; ``duration_s`` of the drive.
+    """
+
+    parked: bool
+    pose: tuple[float, float, float]
+    duration_s: float
+
+    @property
+    def within(self) -> bool:
+        """Whether x2 and angle are as small as they should be."""
+        return abs(self.pose[1]) <= LARGEST_X2_M and abs(self.pose[2]) <= LARGEST_ANGLE_RAD
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a controller did from all starts; medians and largest values of magnitudes."""
+
+    controller: str
+    runs: int
+    parked_share: float
+    within_share: float
+    x1_median_mm: float
+    x2_median_mm: float
+    angle_median_deg: float
+    x1_max_mm: float
+    x2_max_mm: float
+    angle_max_deg: float
+    duration_median_s: float
+
+
+def parks(
+    model: options.ModelFile,
+    runs: Annotated[int, typer.Option("--runs", min=1, help="Number of starts.")] = 100,
+    seed: options.Seed = None,
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    preset: options.Preset = options.PresetName.lab,
+    as_json: options.AsJson = False,
+) -> None:
+    """Park the robot of the lab from random starts, in lockstep, with several controllers.
+
+    The model as it is, the model without a steady error, and the nominal equations meet the same
+    starts and the same noise.
+
+    Example: klab bench parks --model runs/model.npz --runs 100
+    """
+    from koopman_lab.koopman.model import BilinearModel
+    from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction
+
+    loaded = BilinearModel.load(model)
+    kind = None if config else loaded.robot_kind
+    lab = options.resolve(config, overrides, kind, preset, seed)
+    loaded.require_robot(lab.robot.kind)
+    offset_free = lab.controller.offset_free.model_copy(update={"enabled": True})
+    corrected = changed(lab, "controller", offset_free=offset_free)
+    koopman = KoopmanPrediction(loaded)
+    nominal = NominalPrediction(lab.robot.kind, lab.controller.dt_s)
+    controllers: dict[str, tuple[LabConfig, PredictionModel]] = {
+        "koopman": (lab, koopman),
+        "koopman, offset-free": (corrected, koopman),
+        "nominal": (lab, nominal),
+    }
+    with progress("parking") as report:
+        found = park_all(controllers, starts(lab, runs), lambda done, of: report(done, of, "runs"))
+    rows = [summarise(name, ends) for name, ends in found.items()]
+    if as_json:
+        out.print_json(json.dumps([asdict(row) for row in rows]))
+        return
+    out.print(as_table(rows, lab.robot.kind))
+    err.print(
+        f"within: |x2| <= {1e3 * LARGEST_X2_M:g} mm and |theta| <= "
+        f"{math.degrees(LARGEST_ANGLE_RAD):g} deg of where the robot truly stands"
+    )
+
+
+def starts(config: LabConfig, count: int) -> list[Pose]:
+    """Return random poses at rest, the same for the same seed."""
+    from koopman_lab.studies.parking import KINEMATIC_STARTS
+
+    drawn = config.sampler.draw_set
+    ranges = KINEMATIC_STARTS
+    if config.robot.kind == "dynamic":
+        ranges = (drawn.x1_m, drawn.x2_m, drawn.theta_rad)
+    low, high = np.array(ranges).T
+    rng = np.random.default_rng([config.seed, count])
+    return [Pose(*row) for row in rng.uniform(low, high, (count, 3)).tolist()]
+
+
+def park_all(
+    controllers: Mapping[str, tuple[LabConfig, PredictionModel]],
+    begin: Sequence[Pose],
+    on_progress: Callable[[int, int], None],
+) -> dict[str, list[Park]]:
+    """Return how each controller does from each start."""
+    found: dict[str, list[Park]] = {name: [] for name in controllers}
+    for number, start in enumerate(begin):
+        for name, (config, prediction) in controllers.items():
+            on_progress(sum(map(len, found.values())), len(begin) * len(controllers))
+            noise = config.model_copy(update={"seed": config.seed + number})
+            found[name].append(park_once(noise, prediction, start))
+    return found
+
+
+def park_once(config: LabConfig, prediction: PredictionModel, start: Pose) -> Park:
+    """Run the whole lab on virtual time until the controller ends the drive."""
+    from koopman_lab.bus.lockstep import Lockstep
+    from offboard.bench.faults.stage import Witness
+    from offboard.controller.node import ControllerNode
+    from offboard.lab import nodes
+    from offboard.logger.node import LoggerNode
+
+    placed = changed(config, "plant", initial_pose=tuple(start))
+    lab, node, witness = Lockstep(placed), ControllerNode(placed, prediction), Witness()
+    with tempfile.TemporaryDirectory() as folder:
+        log = LoggerNode(placed, Path(folder) / "session.lcm")
+        for each in (nodes.plant(placed), nodes.onboard(placed), log, node, witness):
+            lab.add(each)
+        try:
+            lab.run(config.controller.time_limit_s + AFTER_LIMIT_S)
+        finally:
+            lab.close()
+    outcome, last = node.outcome(), witness.sights[-1]
+    end = relative_to(outcome.goal, Pose(last.x1_m, last.x2_m, last.theta_rad))
+    return Park(outcome.parked, (end.x1, end.x2, end.theta), outcome.duration_s)
+
+
+def summarise(controller: str, ends: Sequence[Park]) -> Row:
+    """Return what the ends of several runs have in common."""
+    sizes = np.abs([end.pose for end in ends]) * [1e3, 1e3, math.degrees(1.0)]
+    medians, largest = np.median(sizes, axis=0).tolist(), sizes.max(axis=0).tolist()
+    return Row(
+        controller,
+        len(ends),
+        float(np.mean([end.parked for end in ends])),
+        float(np.mean([end.within for end in ends])),
+        *(medians[0], medians[1], medians[2]),
+        *(largest[0], largest[1], largest[2]),
+        float(np.median([end.duration_s for end in ends])),
+    )
+
+
+def as_table(rows: Sequence[Row], kind: str) -> Table:
+    """Return the rows for a person."""
+    from rich.table import Table
+
+    table = Table("controller", title=f"parks of the {kind} robot, {rows[0].runs} starts")
+    for column in ("parked", "within", "|x1| mm", "|x2| mm", "|theta| deg", "after s"):
+        table.add_column(column, justify="right")
+    for row in rows:
+        table.add_row(
+            row.controller,
+            f"{row.parked_share:.0%}",
+            f"{row.within_share:.0%}",
+            f"{row.x1_median_mm:.1f} ({row.x1_max_mm:.1f})",
+            f"{row.x2_median_mm:.1f} ({row.x2_max_mm:.1f})",
+            f"{row.angle_median_deg:.2f} ({row.angle_max_deg:.2f})",
+            f"{row.duration_median_s:.1f}",
+        )
+    table.caption = "median (largest)"
+    return table

@@ -1,0 +1,96 @@
+"""How regularly the motor loop ticks in real time, beside a calibration."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from koopman_lab.bus.pacing import Pacing, load_tick_times, pacing
+from koopman_lab.config.schema import LabConfig
+from offboard.bench.session import drive
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from koopman_lab.bus.realtime import Listener
+    from offboard.lab.folder import RunFolder
+
+STATISTICS = Path("/proc/stat")
+STEAL = 8
+"""Word of its first line: involuntary wait, in ticks of the clock, over all CPUs."""
+WORDS = {"onboard": "motor loop", "pacer": "only waiting"}
+
+
+def measure(
+    config: LabConfig,
+    folder: RunFolder,
+    listener: Listener,
+    seconds: float,
+    report: Callable[[float], None],
+) -> dict[str, Pacing]:
+    """Run plant, onboard loop, logger and sampler, and beside them a process that only waits.
+
+    Parameters
+    ----------
+    config
+        The lab; the sampler must have more to do than there is time.
+    folder
+        Takes the session log and the tick times.
+    listener
+        This process's ear on the bus.
+    seconds
+        From the moment the robot is driven.
+    report
+        Told the seconds that have passed.
+
+    Returns
+    -------
+    The pacing of the 100 Hz ticks by process: ``onboard`` and ``pacer``. What the latter shows is
+    the machine's share.
+
+    Raises
+    ------
+    LabStateError
+        If a process dies or the robot is not driven.
+    """
+    from offboard.lab.supervisor import supervised
+
+    files = {name: folder.path / f"{name}-ticks.npy" for name in WORDS}
+    with supervised(config, folder, listener) as lab:
+        lab.start("logger", "--folder", folder.path)
+        lab.start("plant")
+        for name, file in files.items():
+            lab.start(name, "--tick-times", file)
+        lab.wait_ready("logger", "plant", "onboard")
+        drive(lab, config, folder, listener, seconds, report)
+    rate_hz = config.motor_loop.rate_hz
+    return {name: pacing(load_tick_times(file), rate_hz) for name, file in files.items()}
+
+
+def stolen_s() -> float | None:
+    """Return the CPU time (s) that a host has taken from this virtual machine, None if unknown."""
+    try:
+        fields = STATISTICS.read_text().split()
+        return int(fields[STEAL]) / os.sysconf("SC_CLK_TCK")
+    except (OSError, IndexError, ValueError):
+        return None
+
+
+def as_table(found: dict[str, Pacing], rate_hz: float) -> Table:
+    """Return the figures as a table."""
+    from rich.table import Table
+
+    table = Table(f"{rate_hz:g} Hz", title="period in ms")
+    for column in ("p50", "p99", "p99.9", "max", "99 % within", "ticks", "missed"):
+        table.add_column(column, justify="right")
+    for name, row in found.items():
+        table.add_row(
+            WORDS[name],
+            *(f"{ms:.2f}" for ms in row[3:7]),
+            f"{row.error_p99_ms:.2f}",
+            str(row.ticks),
+            f"{row.missed} ({100.0 * row.missed_share:.3f} %)",
+        )
+    return table

@@ -1,0 +1,82 @@
+"""`klab bench view`: what the page costs, how late it is, and whether clients disturb the lab."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from offboard.terminal import options
+from offboard.terminal.messages import err, out, progress
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from offboard.bench.view_load import Load
+
+NO_RADIO_LOSS = ("radio.to_robot.loss=0.0", "radio.from_robot.loss=0.0")
+"""So that every message that is missing was lost on this machine."""
+
+
+def view(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    minutes: Annotated[
+        float, typer.Option("--minutes", min=0.1, help="How long to measure.")
+    ] = 10.0,
+    clients: Annotated[
+        int,
+        typer.Option("--clients", min=2, max=32, help="Pages; one of them is stopped by SIGSTOP."),
+    ] = 10,
+    url: options.Url = None,
+    folder: options.Out = None,
+    as_json: options.AsJson = False,
+) -> None:
+    """Serve the page to many clients during a calibration: CPU, memory, delay, lost messages.
+
+    One client is stopped like a machine that hangs. With Chromium and the package playwright one
+    is a real page, and shows how long a camera frame takes to the screen.
+
+    Example: klab bench view --minutes 1 --clients 4
+    """
+    from offboard.bench.session import MORE_THAN_ENOUGH
+    from offboard.bench.view_load import measure
+    from offboard.lab.folder import new_folder
+    from offboard.lab.session import keeping_the_log
+
+    wanted = [f"sampler.segments_per_basis={MORE_THAN_ENOUGH}", *NO_RADIO_LOSS, *(overrides or ())]
+    lab = options.resolve(config, wanted, options.kind_of(robot), url=url)
+    listener = options.listen(lab)
+    run, seconds = new_folder(folder, "view", lab), 60.0 * minutes
+    with keeping_the_log(run), progress("showing", "s") as report:
+        found = measure(
+            lab, run, listener, seconds, clients, lambda s: report(round(s), round(seconds))
+        )
+    if as_json:
+        out.print_json(json.dumps(found._asdict()))
+        return
+    if found.drawn_ms is None:
+        err.print("no Chromium or no playwright: nobody drew the page")
+    out.print(_table(found, seconds))
+
+
+def _table(found: Load, seconds: float) -> Table:
+    from rich.table import Table
+
+    table = Table("", "", title=f"klab view for {seconds:.0f} s")
+    table.add_row("server", f"{100.0 * found.cpu_share:.2f} % of a core")
+    low, high = min(found.memory_mb[1:] or found.memory_mb), max(found.memory_mb)
+    table.add_row("its memory", f"{low:.1f} to {high:.1f} MB, at last {found.memory_mb[-1]:.1f} MB")
+    for what, spread in (
+        ("camera exposure to next picture", found.drawn_ms),
+        ("snapshot made to client", found.snapshot_ms),
+    ):
+        if spread is not None:
+            p50, p99, longest = spread
+            table.add_row(what, f"p50 {p50:.0f}, p99 {p99:.0f}, max {longest:.0f} ms")
+    table.add_row("snapshots a second, least of all clients", f"{found.snapshots_hz:.1f}")
+    table.add_row("messages of the lab, lost", f"{found.messages}, {found.lost}")
+    table.add_row("ticks of the motor loop, missed", f"{found.ticks}, {found.missed_ticks}")
+    return table

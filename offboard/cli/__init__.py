@@ -1,0 +1,1 @@
+"""Where the ``klab`` command begins; composes all others."""

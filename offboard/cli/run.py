@@ -1,0 +1,249 @@
+"""`klab run`: one node in the foreground, as on separate machines."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from offboard.commands.view import HOST, PORT, Host, Port, listen, serve, token_for
+from offboard.terminal import options
+
+if TYPE_CHECKING:
+    from koopman_lab.bus.node import Node
+    from koopman_lab.config.schema import LabConfig
+
+app = typer.Typer(help="Run one process in the foreground until Ctrl-C.", no_args_is_help=True)
+
+Lifeline = Annotated[int | None, typer.Option("--lifeline-fd", hidden=True)]
+ResultFile = Annotated[
+    Path | None, typer.Option("--result", metavar="FILE", help="Write the outcome here, as JSON.")
+]
+TickTimesFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--tick-times", metavar="FILE", help="Write here, at the end, when each tick began (us)."
+    ),
+]
+
+
+@app.command()
+def plant(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    preset: options.Preset = options.PresetName.lab,
+    seed: options.Seed = None,
+    robot_name: options.RobotsName = None,
+    url: options.Url = None,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Stand in for hardware: motors, body, encoders, cameras.
+
+    Example: klab run plant --robot dynamic
+    """
+    from koopman_lab.bus.realtime import run_node
+    from offboard.lab import nodes
+
+    lab = options.resolve(
+        config, overrides, options.kind_of(robot), preset, seed, url, robot_name=robot_name
+    )
+    run_node(nodes.plant(lab), lab, lifeline_fd=lifeline_fd)
+
+
+@app.command()
+def onboard(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    preset: options.Preset = options.PresetName.lab,
+    robot_name: options.RobotsName = None,
+    url: options.Url = None,
+    tick_times: TickTimesFile = None,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Run the motor loop, on the robot's board.
+
+    Example: klab run onboard --robot dynamic --set motor_loop.watchdog_s=0.2
+    """
+    from offboard.lab import nodes
+
+    lab = options.resolve(
+        config, overrides, options.kind_of(robot), preset, url=url, robot_name=robot_name
+    )
+    _run_timed(nodes.onboard(lab), lab, tick_times, lifeline_fd)
+
+
+@app.command(hidden=True)
+def pacer(
+    config: options.ConfigFile = None,
+    tick_times: TickTimesFile = None,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Tick as fast as the motor loop and do nothing, to see what the machine does.
+
+    Example: klab run pacer --tick-times runs/pacer.npy
+    """
+    from offboard.bench.pacer import Pacer
+
+    lab = options.resolve(config, None, None)
+    _run_timed(Pacer(lab), lab, tick_times, lifeline_fd)
+
+
+@app.command(hidden=True)
+def weaver(config: options.ConfigFile = None, lifeline_fd: Lifeline = None) -> None:
+    """Drive the robot along a weave for good, so that a bench has something to stop.
+
+    Example: klab run weaver --config runs/up/config.yaml
+    """
+    from koopman_lab.bus.realtime import run_node
+    from offboard.bench.weaver import Weaver
+
+    lab = options.resolve(config, None, None)
+    run_node(Weaver(lab), lab, lifeline_fd=lifeline_fd)
+
+
+def _run_timed(node: Node, lab: LabConfig, file: Path | None, lifeline_fd: int | None) -> None:
+    from koopman_lab.bus.pacing import TickTimes
+    from koopman_lab.bus.realtime import run_node
+
+    times = TickTimes()
+    run_node(node, lab, lifeline_fd=lifeline_fd, tick_times=times if file else None)
+    if file is not None:
+        times.save(file)
+
+
+@app.command()
+def logger(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    robot_name: options.RobotsName = None,
+    url: options.Url = None,
+    out: options.Out = None,
+    into: Annotated[Path | None, typer.Option("--folder", hidden=True)] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on behind the log that DIR holds.")
+    ] = False,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Write every message of a robot into DIR/session.lcm.
+
+    Example: klab run logger --robot kinematic --out runs/by-hand
+    """
+    from koopman_lab.bus.realtime import run_node
+    from offboard.lab import nodes
+    from offboard.lab.folder import RunFolder, new_folder
+
+    lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
+    if into is None and out is not None and resume:
+        into = out
+    folder = RunFolder(into) if into is not None else new_folder(out, "log", lab)
+    run_node(nodes.logger(lab, folder, resume=resume), lab, lifeline_fd=lifeline_fd)
+
+
+@app.command()
+def sampler(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    seed: options.Seed = None,
+    robot_name: options.RobotsName = None,
+    url: options.Url = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option("--resume", metavar="DIR", help="Go on with the session in this folder."),
+    ] = None,
+    result: ResultFile = None,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Run a calibration session on a lab whose other processes run already.
+
+    Example: klab run sampler --robot kinematic --seed 7
+    """
+    from koopman_lab.bus.realtime import run_node
+    from koopman_lab.files import write_json
+    from offboard.sampler.node import SamplerNode
+    from offboard.sampler.resume import interrupted
+
+    lab = options.resolve(
+        config, overrides, options.kind_of(robot), seed=seed, url=url, robot_name=robot_name
+    )
+    node = SamplerNode(lab, interrupted(resume).progress if resume is not None else None)
+    statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
+    if result is not None:
+        write_json(result, node.summary() | {"missed_deadlines": statistics.missed_ticks})
+
+
+@app.command()
+def reference(
+    shape: options.ReferenceShape,
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    robot_name: options.RobotsName = None,
+    url: options.Url = None,
+    result: ResultFile = None,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Drive reference runs on a lab whose other processes run already.
+
+    Example: klab run reference --shape square --robot dynamic
+    """
+    from koopman_lab.bus.realtime import run_node
+    from koopman_lab.files import write_json
+    from offboard.reference.node import ReferenceNode
+    from offboard.reference.shapes import Shape
+
+    lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
+    node = ReferenceNode(lab, Shape[shape.value.upper()])
+    statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
+    if result is not None:
+        write_json(result, node.summary() | {"missed_deadlines": statistics.missed_ticks})
+
+
+@app.command()
+def controller(
+    model: options.ModelFile,
+    goal: options.Goal = (0.0, 0.0, 0.0),
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    robot_name: options.RobotsName = None,
+    url: options.Url = None,
+    result: ResultFile = None,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Park the robot of a lab whose other processes run already.
+
+    Example: klab run controller --model runs/model.npz --goal 0.5 0 90
+    """
+    from koopman_lab.bus.realtime import run_node
+    from koopman_lab.files import write_json
+    from offboard.controller.node import ControllerNode
+    from offboard.lab.outcome import outcome_facts
+
+    lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
+    node = ControllerNode(lab, model, options.pose_of(goal))
+    statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
+    if result is not None:
+        write_json(result, outcome_facts(node, statistics.missed_ticks))
+
+
+@app.command(hidden=True)
+def view(
+    config: options.ConfigFile = None,
+    host: Host = HOST,
+    port: Port = PORT,
+    socket_fd: Annotated[int | None, typer.Option("--socket-fd", hidden=True)] = None,
+    lifeline_fd: Lifeline = None,
+) -> None:
+    """Serve the page of `klab view`, as a process of `klab up --view`, which listens already.
+
+    Example: klab run view --config runs/up/config.yaml
+    """
+    lab = options.resolve(config, None, None)
+    listening = listen(host, port) if socket_fd is None else socket.socket(fileno=socket_fd)
+    serve(lab, listening, token_for(host), lifeline_fd, own=True)

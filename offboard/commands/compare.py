@@ -1,0 +1,113 @@
+"""`klab compare`: the paper's lab runs, one controller after the other."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from koopman_lab.config.change import changed
+from koopman_lab.config.schema import LabConfig
+from offboard.commands.park import STARTS, drive, show
+from offboard.lab.folder import RunFolder, new_folder
+from offboard.terminal import options
+from offboard.terminal.messages import err
+
+if TYPE_CHECKING:
+    from koopman_lab.figures.path import Curve
+
+
+class Contestant(str, Enum):
+    """Choices of ``--controller``."""
+
+    me = "me"
+    ce = "ce"
+    ds = "ds"
+    nominal = "nominal"
+
+
+CHANGES: dict[str, dict[str, Any]] = {
+    "me": {"cost": "me"},
+    "ce": {"cost": "ce"},
+    "ds": {"cost": "ds"},
+    "nominal": {"cost": "me", "predict": "nominal"},
+}
+"""Of the configuration's section ``controller``."""
+
+
+def compare(
+    model: options.ModelFile,
+    controller: Annotated[
+        list[Contestant] | None,
+        typer.Option(
+            "--controller",
+            help="A cost with the model, or the nominal equations with the cost me; several may "
+            "be named. Default: all.",
+        ),
+    ] = None,
+    start: options.Start = None,
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    lockstep: options.InLockstep = False,
+    preset: options.Preset = options.PresetName.lab,
+    seed: options.Seed = None,
+    robot_name: options.RobotsName = None,
+    url: options.Url = None,
+    out: options.Out = None,
+) -> None:
+    """Park with several controllers from one start and draw them over each other.
+
+    Each is placed anew, within the accuracy of a hand. DIR gets a folder for each as `klab park`
+    leaves it, one figure of all (path, value function, deviation sideways) and summary.json.
+
+    Example: klab compare --model runs/model.npz --lockstep --out runs/lab-runs
+    """
+    from koopman_lab.koopman.model import BilinearModel
+    from koopman_lab.mpc.prediction import prediction_of
+    from koopman_lab.mpc.receding_horizon import receding_horizon
+    from offboard.lab.watch import ear
+
+    loaded = BilinearModel.load(model)
+    kind = loaded.robot_kind if config is None else None
+    lab = options.resolve(config, overrides, kind, preset, seed, url, robot_name=robot_name)
+    loaded.require_robot(lab.robot.kind)
+    names = [choice.value for choice in controller or Contestant]
+    labs = {name: changed(lab, "controller", **CHANGES[name]) for name in names}
+    for each in labs.values():
+        # Made once for what it refuses, before anything is started or written.
+        receding_horizon(prediction_of(loaded, each.controller), each)
+    whole = new_folder(out, "compare", lab)
+    typed = start if start is not None else STARTS[lab.robot.kind]
+    begin, goal = options.pose_of(typed), options.pose_of((0.0, 0.0, 0.0))
+    facts, curves = {}, []
+    for name, each in labs.items():
+        folder = new_folder(whole.path / name, "park", each)
+        listener = ear(each, lockstep=lockstep)
+        facts[name] = drive(each, folder, model, begin, goal, listener)
+        show(folder, facts[name])
+        curves.append(_curve(name, folder))
+    _write(whole, lab, facts, curves)
+
+
+def _curve(name: str, folder: RunFolder) -> Curve:
+    import numpy as np
+
+    from koopman_lab.figures.path import Curve
+    from offboard.lab.outcome import TRAJECTORY
+
+    rows = np.genfromtxt(folder.path / TRAJECTORY, delimiter=",", names=True)
+    poses = np.column_stack([rows["x1_m"], rows["x2_m"], rows["theta_rad"]])
+    return Curve(name, rows["time_s"], poses, rows["value"])
+
+
+def _write(
+    whole: RunFolder, lab: LabConfig, facts: dict[str, dict[str, Any]], curves: list[Curve]
+) -> None:
+    from koopman_lab.figures.path import draw_paths
+
+    draw_paths(whole.path / "paths", curves, deviation=True)
+    kept = ("parked", "reason", "final_pose", "duration_s", "solve_ms", "pose_age_ms")
+    ends = {name: {key: fact[key] for key in kept} for name, fact in facts.items()}
+    whole.write_summary(lab, {"what": "comparison", "controllers": ends})
+    err.print(f"figure: {whole.path / 'paths.png'}")

@@ -1,0 +1,185 @@
+"""`klab train`: from a session log or a data set to a model."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from koopman_lab.config.values import RobotKind
+from koopman_lab.errors import ModelError
+from offboard.commands.data.marker import marker_line
+from offboard.terminal import options
+from offboard.terminal.messages import err, out, show_damage
+
+if TYPE_CHECKING:
+    from koopman_lab.koopman.train import Method, TrainingReport
+
+
+class EstimatorName(str, Enum):
+    """Choices of ``--estimator``."""
+
+    plain = "plain"
+    iv = "iv"
+
+
+class CombinationName(str, Enum):
+    """Choices of ``--combination``."""
+
+    paper = "paper"
+    generator = "generator"
+
+
+def train(
+    sources: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SOURCE...",
+            help="Sessions, data sets .npz, or folders of X_i.dat and Y_i.dat; one at a time is "
+            "in memory.",
+        ),
+    ],
+    model: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Default: model.npz beside the first source."),
+    ] = None,
+    dictionary: options.Dictionary = None,
+    window: options.Window = None,
+    dt_s: options.SamplingTime = None,
+    robot: options.Robot = None,
+    estimator: Annotated[
+        EstimatorName, typer.Option("--estimator", help="iv: without the bias of camera noise.")
+    ] = EstimatorName.plain,
+    symmetric: Annotated[
+        bool, typer.Option("--symmetric", help="Only models that moving and turning leave alike.")
+    ] = False,
+    ridge: Annotated[
+        float, typer.Option("--ridge", min=0.0, help="Weight of a pull towards the identity.")
+    ] = 0.0,
+    combination: Annotated[
+        CombinationName, typer.Option("--combination", help="Of inputs: matrices or generators.")
+    ] = CombinationName.paper,
+    salvage: options.Salvage = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Fit a bilinear Koopman model; prints samples, rank, condition, defects.
+
+    A folder of .dat files from elsewhere needs --robot and --dt.
+
+    Example: klab train runs/calibration --window 40 --out runs/model.npz
+    """
+    from koopman_lab.koopman.train import Method
+
+    learn(
+        sources,
+        model,
+        dictionary,
+        window,
+        dt_s,
+        method=Method(estimator.value, ridge, symmetric, combination.value),
+        robot_kind=options.kind_of(robot),
+        salvage=salvage,
+        as_json=as_json,
+    )
+
+
+def learn(
+    sources: Sequence[Path],
+    model: Path | None = None,
+    dictionary: str | None = None,
+    window: int | None = None,
+    dt_s: float | None = None,
+    *,
+    method: Method | None = None,
+    robot_kind: RobotKind | None = None,
+    salvage: bool = False,
+    as_json: bool = False,
+) -> Path:
+    """Train, print the report, and return where the model is.
+
+    Raises
+    ------
+    LabError
+        If a source cannot be used, or together they do not excite the dictionary.
+    """
+    from koopman_lab.data.source import open_source
+    from koopman_lab.koopman.train import Trainer
+
+    trainer = folder = None
+    damaged = []
+    for source in sources:
+        opened = open_source(
+            source, robot_kind=robot_kind, dt_s=dt_s, window=window, salvage=salvage
+        )
+        if trainer is None or folder is None:
+            trainer, folder = Trainer(dictionary or opened.dictionary, method), opened.folder
+        trainer.add(opened.dataset)
+        damaged.append((opened.file, opened.damage))
+    assert trainer is not None  # typer and the callers give at least one source
+    assert folder is not None
+    learned, report = trainer.result()
+    path = model if model is not None else folder / "model.npz"
+    try:
+        learned.save(path)
+    except OSError as error:
+        raise ModelError(
+            f"{path}: cannot be written ({error.strerror}); choose another file with --out"
+        ) from None
+    for file, damage in damaged:
+        show_damage(file, damage)
+    if as_json:
+        marker = learned.metadata["data"].get("marker")
+        out.print_json(json.dumps(report.as_dict() | {"model": str(path), "marker": marker}))
+    else:
+        _show(report)
+        line = marker_line(learned.metadata["data"])
+        if line:
+            out.print(line)
+        err.print(f"model: {path}")
+    return path
+
+
+def _show(report: TrainingReport) -> None:
+    from rich.table import Table
+
+    table = Table(title=f"{report.dictionary}, {report.robot} robot, dt {report.dt_s:g} s")
+    for column in ("basis input", "samples", "segments", "rank", "smallest sv", "condition"):
+        table.add_column(column, justify="right")
+    for basis in report.bases:
+        name = f"u_{basis.basis_index} = ({basis.basis_input[0]:g}, {basis.basis_input[1]:g})"
+        e = basis.excitation
+        if e is None:
+            table.add_row(name, "driftless: M_0 = I", "", "", "", "")
+        else:
+            table.add_row(
+                name,
+                str(e.samples),
+                str(e.segments),
+                f"{e.rank} of {e.observables}",
+                f"{e.smallest_singular_value:.3g}",
+                f"{e.condition:.3g}",
+            )
+    out.print(table)
+    method = report.method
+    out.print(
+        f"estimator {method.estimator}, combination {method.combination}, ridge {method.ridge:g}, "
+        f"{'symmetric' if method.symmetric else 'not held symmetric'}"
+    )
+    weakest = [b.weakest_instrument for b in report.bases if b.weakest_instrument is not None]
+    if weakest:
+        out.print(f"weakest canonical correlation of instruments: {min(weakest):.3g}")
+    found = report.defects
+    growth = ""
+    if found.growth_per_step is not None:
+        growth = (
+            f"; length of (cos, sin) changes {100 * found.growth_per_step:.3g} % per step without "
+            "reprojection"
+        )
+    out.print(
+        f"turning on the spot: {1e3 * found.sideways_m_per_rad:.3g} mm sideways per step per "
+        f"rad/s{growth}"
+    )

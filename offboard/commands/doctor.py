@@ -1,0 +1,183 @@
+"""`klab doctor`: what this machine can do, and how to mend what it cannot."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from koopman_lab.config.change import changed
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import BusError
+from offboard.terminal import options
+from offboard.terminal.messages import out
+
+RMEM_MAX = Path("/proc/sys/net/core/rmem_max")
+TRIES = 40
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One look at the machine; ``remedy`` is empty where nothing is to be mended."""
+
+    what: str
+    found: str
+    good: bool
+    needed: bool = True
+    remedy: str = ""
+
+
+def doctor(
+    bus_only: Annotated[
+        bool, typer.Option("--bus-only", help="Look at the bus only, and be silent if it works.")
+    ] = False,
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    url: options.Url = None,
+) -> None:
+    """Look at Python, LCM, the bus, the compiler and the generated types.
+
+    Example: klab doctor
+    """
+    lab = options.resolve(config, overrides, None, url=url)
+    checks: list[Callable[[LabConfig], Iterator[Finding]]] = [_bus, _receive_buffer]
+    if not bus_only:
+        checks = [_python, _packages, _types, *checks, _compiler]
+    findings = [finding for check in checks for finding in check(lab)]
+    bad = [f for f in findings if not f.good and f.needed]
+    for finding in findings:
+        if bus_only and finding not in bad:
+            continue
+        word = "ok" if finding.good else ("MISSING" if finding.needed else "missing, not needed")
+        out.print(f"{finding.what}: {word} ({finding.found})")
+        if finding.remedy and not finding.good:
+            out.print(f"    {finding.remedy}")
+    if bad:
+        raise typer.Exit(2)
+
+
+def _python(lab: LabConfig) -> Iterator[Finding]:
+    del lab
+    good = sys.version_info >= (3, 10)
+    yield Finding("Python", platform.python_version(), good, remedy="install Python 3.10 or newer")
+
+
+def _packages(lab: LabConfig) -> Iterator[Finding]:
+    del lab
+    found = version("lcm")
+    yield Finding("lcm", found, found == "1.5.3", remedy="pip install lcm==1.5.3")
+    import casadi
+
+    solvers = [name for name in ("fatrop", "ipopt") if casadi.has_nlpsol(name)]
+    yield Finding(
+        "CasADi solvers",
+        f"casadi {version('casadi')}: {', '.join(solvers) or 'none'}",
+        "fatrop" in solvers,
+        remedy="pip install 'casadi>=3.8,<3.9'",
+    )
+
+
+def _types(lab: LabConfig) -> Iterator[Finding]:
+    del lab
+    import lcmtypes
+    from koopman_lab.bus.channels import CHANNELS
+
+    sources = sorted((Path(__file__).parents[2] / "lcmtypes").glob("*.lcm"))
+    differing = _differing(sources, Path(lcmtypes.__file__).parent)
+    types = {c.type for c in CHANNELS}
+    fingerprints = {t._get_packed_fingerprint() for t in types}
+    yield Finding(
+        "LCM types",
+        f"{len(types)} types, unlike their sources: {', '.join(differing) or 'none'}",
+        not differing and len(fingerprints) == len(types),
+        remedy="install again: pip install -e '.[dev]'",
+    )
+
+
+def _differing(sources: list[Path], installed: Path) -> list[str]:
+    """Return the types whose installed module does not begin as lcm-gen makes it of the source.
+
+    What may follow is the codec of ``scripts/generate_types.py``, which depends on nothing else.
+    """
+    import lcm
+
+    if not sources:  # installed from a wheel: there is nothing to compare with
+        return []
+    with tempfile.TemporaryDirectory() as folder:
+        generator = Path(lcm.LCM_BIN_DIR) / "lcm-gen"
+        subprocess.run([generator, "--python", "--ppath", folder, *sources], check=True)
+        fresh = Path(folder) / "lcmtypes"
+        return sorted(
+            source.stem for source in sources if not _begins_as(source.stem, fresh, installed)
+        )
+
+
+def _begins_as(stem: str, fresh: Path, installed: Path) -> bool:
+    module = installed / f"{stem}.py"
+    return module.is_file() and module.read_text().startswith((fresh / f"{stem}.py").read_text())
+
+
+def _bus(lab: LabConfig) -> Iterator[Finding]:
+    import lcmtypes
+    from koopman_lab.bus.channels import ESTOP
+    from koopman_lab.bus.multicast import route_remedy
+    from koopman_lab.bus.realtime import Listener
+
+    own = changed(lab, "robot", name="DOCTOR")
+    try:
+        speaker, listener = Listener(own), Listener(own)
+    except BusError as error:
+        yield Finding("multicast", "LCM cannot be opened", good=False, remedy=str(error))
+        return
+    heard: list[lcmtypes.estop_t] = []
+    listener.subscribe(ESTOP, heard.append)
+    for _ in range(TRIES):
+        speaker.publish(ESTOP, lcmtypes.estop_t())
+        listener.spin(0.05)
+        if heard:
+            break
+    yield Finding(
+        "multicast",
+        f"{lab.bus.url}, {'a message came back' if heard else 'nothing sent comes back'}",
+        bool(heard),
+        remedy=f"{route_remedy(lab.bus.url)}; a firewall may drop UDP as well",
+    )
+
+
+def _receive_buffer(lab: LabConfig) -> Iterator[Finding]:
+    wanted = lab.bus.receive_buffer_bytes
+    granted = int(RMEM_MAX.read_text()) if RMEM_MAX.exists() else None
+    found = "unknown here" if granted is None else f"{granted} bytes granted, {wanted} wanted"
+    yield Finding(
+        "receive buffer",
+        found,
+        granted is None or granted >= wanted,
+        needed=False,
+        remedy=f"bursts may be lost; sudo sysctl -w net.core.rmem_max={wanted}",
+    )
+
+
+def _compiler(lab: LabConfig) -> Iterator[Finding]:
+    del lab
+    from koopman_lab.mpc import compiled
+
+    try:
+        built = compiled.library("int klab_doctor(void) { return 0; }\n")
+        found, works = f"{compiled.find_compiler()}, libraries in {built.parent}", True
+    except compiled.NotCompiledError as reason:
+        found, works = str(reason), False
+    yield Finding(
+        "C compiler",
+        found,
+        works,
+        needed=False,
+        remedy="the controller solves more slowly; sudo apt install gcc",
+    )

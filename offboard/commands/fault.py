@@ -1,0 +1,118 @@
+"""`klab fault`: let something go wrong with the simulated robot."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from offboard.terminal import options
+from offboard.terminal.messages import err
+
+if TYPE_CHECKING:
+    from koopman_lab.config.robot_side import Fault
+
+TRIES = 100
+WAIT_S = 0.02
+LASTS_S = 1.0
+
+
+class FaultName(str, Enum):
+    """Choices of the kind."""
+
+    occlusion = "occlusion"
+    encoder_stuck = "encoder-stuck"
+    motor_stalled = "motor-stalled"
+    battery_low = "battery-low"
+    radio_cut = "radio-cut"
+    burst_loss = "burst-loss"
+    clock_jump = "clock-jump"
+
+
+class WheelName(str, Enum):
+    """Choices of ``--wheel``."""
+
+    both = "both"
+    left = "left"
+    right = "right"
+
+
+def fault(
+    kind: Annotated[FaultName, typer.Argument(help="What goes wrong.")],
+    duration_s: Annotated[
+        float,
+        typer.Option("--duration-s", min=0.0, help="How long; inf: for good; 0 ends it."),
+    ] = LASTS_S,
+    wheel: Annotated[
+        WheelName | None,
+        typer.Option("--wheel", help="encoder-stuck, motor-stalled: which (both)."),
+    ] = None,
+    battery_v: Annotated[
+        float | None, typer.Option("--battery-v", help="battery-low: at the terminals (6.0).")
+    ] = None,
+    loss: Annotated[
+        float | None, typer.Option("--loss", help="burst-loss: share of messages each way (0.5).")
+    ] = None,
+    jump_s: Annotated[
+        float | None, typer.Option("--jump-s", help="clock-jump: how far forward (10).")
+    ] = None,
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot_name: options.RobotsName = None,
+    url: options.Url = None,
+) -> None:
+    """Let something go wrong with the simulated robot now; waits until the plant says so.
+
+    A real robot does not listen.
+
+    Example: klab fault motor-stalled --wheel left --duration-s 2
+    """
+    from koopman_lab.bus.channels import FAULT, PLANT_TRUTH
+    from koopman_lab.emulation.faults import fault_message
+    from koopman_lab.errors import LabStateError
+
+    lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
+    details = {"wheel": wheel and wheel.value, "battery_v": battery_v}
+    wanted = _fault(kind, duration_s, **details, loss=loss, jump_s=jump_s)
+    listener = options.listen(lab)
+    seen: list[int] = []
+    listener.subscribe(PLANT_TRUTH, lambda truth: seen.append(truth.faults))
+    for _ in range(TRIES):
+        message = fault_message(wanted, listener.now_us())
+        listener.publish(FAULT, message)
+        seen.clear()
+        listener.spin(WAIT_S)
+        if seen and bool(seen[-1] >> message.kind & 1) == (duration_s > 0.0):
+            err.print(_said(wanted))
+            return
+    heard = "does not confirm" if seen else "is silent"
+    raise LabStateError(
+        f"{PLANT_TRUTH.name(lab.robot.name)} {heard}: only the simulated robot has faults on "
+        f"demand, and `klab up` starts one on {lab.bus.url}"
+    )
+
+
+def _fault(kind: FaultName, duration_s: float, **details: Any) -> Fault:
+    from pydantic import ValidationError
+
+    from koopman_lab.config.robot_side import Fault
+    from koopman_lab.errors import ConfigError
+
+    given = {"kind": kind.name, "duration_s": None if math.isinf(duration_s) else duration_s}
+    try:
+        return Fault.model_validate(given | details)
+    except ValidationError as error:
+        first = error.errors()[0]
+        option = "".join(f"--{str(part).replace('_', '-')}: " for part in first["loc"])
+        raise ConfigError(f"fault: {option}{first['msg'].removeprefix('Value error, ')}") from None
+
+
+def _said(fault: Fault) -> str:
+    details = fault.model_dump(exclude={"kind", "duration_s"}, exclude_none=True)
+    words = ", ".join(f"{name} {value}" for name, value in details.items())
+    if fault.duration_s == 0.0:
+        return f"{fault.kind.replace('_', ' ')} ended"
+    lasts = "until it is ended" if fault.duration_s is None else f"for {fault.duration_s:g} s"
+    return f"{fault.kind.replace('_', ' ')}{f' ({words})' if words else ''} {lasts}"

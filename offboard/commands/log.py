@@ -1,0 +1,77 @@
+"""`klab log`: look into session logs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from koopman_lab.errors import LogError
+from offboard.commands.log_export import export, plot
+from offboard.terminal import options
+from offboard.terminal.messages import err, out
+
+SHOWN = 10
+"""Damaged places listed one by one."""
+
+app = typer.Typer(help="Look into session logs.", no_args_is_help=True)
+
+
+@app.command()
+def info(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A log, or its run folder.")],
+    channel: Annotated[
+        list[str] | None, typer.Option("--channel", metavar="NAME", help="Only this channel.")
+    ] = None,
+    salvage: Annotated[
+        bool, typer.Option("--salvage", help="Use every intact event of a damaged log.")
+    ] = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Show channels, counts, rates, gaps and duration of a log.
+
+    Example: klab log info runs/calibration/session.lcm --channel R1_MOCAP_POSE
+    """
+    from koopman_lab.data.decode import SessionLog
+
+    log = SessionLog(file, salvage=salvage)
+    for name in channel or ():
+        if name not in log.channels:
+            raise LogError(f"{log.path}: no channel {name}; there are: {', '.join(log.channels)}")
+    rows = {n: c for n, c in log.channels.items() if not channel or n in channel}
+    skipped = sum(d.size for d in log.damage)
+    skipped_s = sum(d.duration_s or 0.0 for d in log.damage)
+    if as_json:
+        facts = {
+            "file": str(log.path),
+            "duration_s": log.duration_s,
+            "events": sum(c.count for c in log.channels.values()),
+            "skipped_bytes": skipped,
+            "skipped_s": skipped_s,
+            "damage": [asdict(d) for d in log.damage],
+            "channels": {name: asdict(c) for name, c in rows.items()},
+        }
+        out.print_json(json.dumps(facts))
+        return
+    from rich.table import Table
+
+    table = Table(title=f"{log.path}, {log.duration_s:.1f} s")
+    for column in ("channel", "count", "rate (Hz)", "lost", "gaps"):
+        table.add_column(column, justify="left" if column == "channel" else "right")
+    for name, c in rows.items():
+        rate = "-" if c.rate_hz is None else f"{c.rate_hz:.2f}"
+        table.add_row(name, str(c.count), rate, str(c.lost), str(c.gaps))
+    out.print(table)
+    for stretch in log.damage[:SHOWN]:
+        err.print(f"damaged, passed over: {stretch}")
+    if log.damage:
+        err.print(
+            f"{skipped} damaged bytes passed over in {len(log.damage)} places, {skipped_s:.3f} s"
+        )
+
+
+app.command()(plot)
+app.command()(export)

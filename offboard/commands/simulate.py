@@ -1,0 +1,167 @@
+"""`klab simulate`: the closed loop on the nominal equations, as in the paper's simulations."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from koopman_lab.config.change import changed
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import ModelError
+from offboard.lab.folder import RunFolder, new_folder
+from offboard.terminal import options
+from offboard.terminal.messages import err, out, progress
+
+if TYPE_CHECKING:
+    from koopman_lab.mpc.prediction import PredictionModel
+    from koopman_lab.studies.closed_loop import Run
+
+STARTS = {"kinematic": (-1.0, -0.5, -30.0), "dynamic": (1.0, 0.2, 45.0)}
+"""m, m, degrees: the paper's simulations, sections 4 and 5.4."""
+DURATIONS_S = {"kinematic": 10.0, "dynamic": 20.0}
+"""After which the paper looks at x2."""
+
+
+class CostChoice(str, Enum):
+    """Choices of ``--cost``."""
+
+    me = "me"
+    ce = "ce"
+    ds = "ds"
+
+
+class Predict(str, Enum):
+    """Choices of ``--predict``."""
+
+    nominal = "nominal"
+    reprojected = "reprojected"
+    lifted = "lifted"
+
+
+def simulate(
+    model: Annotated[
+        Path | None, typer.Option("--model", metavar="FILE", help="From `klab train`.")
+    ] = None,
+    start: options.Start = None,
+    cost: Annotated[
+        list[CostChoice] | None, typer.Option("--cost", help="Stage cost; several may be named.")
+    ] = None,
+    predict: Annotated[
+        list[Predict] | None,
+        typer.Option(
+            "--predict",
+            help="What the controller predicts with: the nominal equations, or the model with or "
+            "without reprojection; several may be named.",
+        ),
+    ] = None,
+    duration_s: Annotated[
+        float | None,
+        typer.Option("--duration", metavar="S", min=0.1, help="Length of each run, s."),
+    ] = None,
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    folder: options.Out = None,
+) -> None:
+    """Drive the nominal robot to the origin with one controller after the other, and draw them.
+
+    Robot and sampling time are those of the model. DIR gets a trajectory for each controller, one
+    figure of all, and summary.json. In simulation the second-order robot starts at rest.
+
+    Example: klab simulate --model runs/model.npz --start 0 0.5 0 --cost me --cost ce --cost ds
+    """
+    import numpy as np
+
+    from koopman_lab.koopman.model import BilinearModel
+    from koopman_lab.studies.closed_loop import closed_loop
+
+    loaded = None if model is None else BilinearModel.load(model)
+    kind, wanted = options.kind_of(robot), list(overrides or ())
+    if loaded is not None:
+        kind = kind or (loaded.robot_kind if config is None else None)
+        wanted.insert(0, f"controller.dt_s={loaded.dt_s}")
+    costs = [choice.value for choice in cost or ()]
+    ways = [way.value for way in predict or ()] or ["nominal" if loaded is None else "reprojected"]
+    lab = options.resolve(config, wanted, kind)
+    costs = costs or [lab.controller.cost]
+    typed = start if start is not None else STARTS[lab.robot.kind]
+    seconds = duration_s if duration_s is not None else DURATIONS_S[lab.robot.kind]
+    rest = [0.0] * (2 if lab.robot.kind == "dynamic" else 0)
+    x0 = np.array([*options.pose_of(typed), *rest])
+    controllers = [(c, way) for c in costs for way in ways]
+    labs = [
+        changed(lab, "controller", cost=c, reprojection=way != "lifted") for c, way in controllers
+    ]
+    models = [_prediction(lab, loaded, way) for _, way in controllers]
+    place, runs = new_folder(folder, "simulation", lab), {}
+    with progress("simulating") as report:
+        for number, (c, way) in enumerate(controllers):
+            runs[f"{c}-{way}"] = closed_loop(labs[number], models[number], x0, seconds)
+            report(number + 1, len(controllers), f"{c}, {way}")
+    _write(place, lab, runs, model)
+
+
+def _prediction(lab: LabConfig, loaded: Any, way: str) -> PredictionModel:
+    from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction
+
+    if way == "nominal":
+        return NominalPrediction(lab.robot.kind, lab.controller.dt_s)
+    if loaded is None:
+        raise ModelError(f"--predict {way} needs a model; name it with --model")
+    loaded.require_robot(lab.robot.kind)
+    return KoopmanPrediction(loaded)
+
+
+def _write(place: RunFolder, lab: LabConfig, runs: dict[str, Run], model: Path | None) -> None:
+    from rich.table import Table
+
+    from koopman_lab.figures.path import Curve, draw_paths
+    from koopman_lab.files import write_csv
+    from koopman_lab.studies.closed_loop import COLUMNS, as_rows, x2_last_mm
+
+    table = Table(box=None, pad_edge=False, title="where the robot is at the end")
+    table.add_column("controller", no_wrap=True)
+    columns = ("x1 (mm)", "|x2| (mm)", "last s (mm)", "theta (deg)", "value", "iter.", "unsolved")
+    for column in columns:
+        table.add_column(column, justify="right")
+    facts, curves = {}, []
+    for name, run in runs.items():
+        write_csv(place.path / f"{name}.csv", COLUMNS, as_rows(run))
+        curves.append(Curve(name, run.time_s[:-1], run.states[:-1, :3], run.values))
+        x1, x2, theta = run.states[-1, :3].tolist()
+        facts[name] = {
+            "final_state": run.states[-1].tolist(),
+            "x2_mm": 1e3 * abs(x2),
+            "x2_mm_last_second": x2_last_mm(run),
+            "value": float(run.values[-1]),
+            "iterations_mean": float(run.iterations.mean()),
+            "unsolved": run.unsolved,
+        }
+        table.add_row(
+            name,
+            f"{1e3 * x1:.3f}",
+            f"{1e3 * abs(x2):.4f}",
+            f"{x2_last_mm(run):.4f}",
+            f"{math.degrees(theta):.3f}",
+            f"{run.values[-1]:.2e}",
+            f"{run.iterations.mean():.1f}",
+            str(run.unsolved),
+        )
+    draw_paths(place.path / "paths", curves)
+    first = next(iter(runs.values()))
+    place.write_summary(
+        lab,
+        {
+            "what": "simulation",
+            "model": None if model is None else str(model),
+            "start": first.states[0].tolist(),
+            "duration_s": float(first.time_s[-1]),
+            "controllers": facts,
+        },
+    )
+    out.print(table)
+    err.print(f"figure: {place.path / 'paths.png'}")

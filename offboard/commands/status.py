@@ -1,0 +1,197 @@
+"""`klab status` and `klab down`: which processes are there, and how to end them."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import socket
+from typing import TYPE_CHECKING
+
+import typer
+
+from offboard.commands.topics import spin_for
+from offboard.terminal import options
+from offboard.terminal.messages import err, out
+
+if TYPE_CHECKING:
+    from koopman_lab.bus.realtime import Listener
+    from koopman_lab.config.schema import LabConfig
+    from offboard.monitor.roll import Entry
+    from offboard.monitor.state import LabView
+
+END_LIMIT_S = 60.0
+"""Seven processes that all ignore SIGINT and SIGTERM take 42 s."""
+
+
+def status(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    url: options.Url = None,
+    as_json: options.AsJson = False,
+) -> None:
+    """Show the processes of every robot on the bus: state, needs, who may stop them.
+
+    What died stays in the table, with the last lines of its log, until a lab is started again. The
+    exit code is 1 where one is silent or died, or none is there.
+
+    Example: klab status
+    """
+    from offboard.lab.notes import broken, with_broken
+
+    lab = options.resolve(config, overrides, None, url=url)
+    listener, view = _heard(lab)
+    now_us = listener.now_us()
+    found = {
+        name: robot.entries(now_us)
+        for name, robot in view.robots.items()
+        if not robot.replayed(now_us)
+    }
+    if not any(found.values()):
+        err.print(f"no process heard on {lab.bus.url}; `klab up` starts a lab")
+    found = with_broken(found, broken(lab.bus.url, now_us))
+    if as_json:
+        from offboard.monitor.json_values import entry_row
+
+        rows = {name: [entry_row(e) for e in entries] for name, entries in sorted(found.items())}
+        out.print_json(json.dumps(rows))
+    else:
+        _show(found)
+    if any(e.state in ("silent", "died") for entries in found.values() for e in entries) or not any(
+        found.values()
+    ):
+        raise typer.Exit(1)
+
+
+def down(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot_name: options.RobotsName = None,
+    url: options.Url = None,
+) -> None:
+    """End the commands of this machine that run processes of a robot, as Ctrl-C in each would.
+
+    Who commands the robot is ended first, and the others when it stands. What goes on, because
+    another machine or a person started it, is named; the exit code is then 1.
+
+    Example: klab down --robot-name R2
+    """
+    from koopman_lab.errors import LabStateError
+    from offboard.desk.processes import COMMANDING
+    from offboard.lab.notes import alive, commands
+    from offboard.lab.supervisor import KILLED, PATIENCE_S
+    from offboard.monitor.roll import SILENT_S
+
+    lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
+    name = lab.robot.name
+    # Before anything is heard, which takes a second: meanwhile the robot would drive on.
+    noted = commands(lab)
+    commanding = {pid for pid, names in noted.items() if names & COMMANDING}
+    _interrupt(commanding)
+    listener, view = _heard(lab)
+    entries = _entries(view, name, listener)
+    ours = [e for e in entries if _ours(e) and e.state not in ("finished", "died")]
+    here = set(noted) | {e.told.supervisor_pid for e in ours if e.told is not None}
+    others = _others(entries, here)
+    if not here:
+        hint = f"; still there: {others}" if others else ""
+        raise LabStateError(
+            f"{name}: no `klab up`, `calibrate` or `park` of this machine runs on "
+            f"{lab.bus.url}{hint}"
+        )
+    late = {e.told.supervisor_pid for e in ours if e.told and e.name in COMMANDING} - commanding
+    _interrupt(late)
+    if commanding or late:
+        spin_for(listener, PATIENCE_S, lambda: _stands(view, name, listener))
+    _interrupt(here - commanding - late)
+    spin_for(listener, END_LIMIT_S, lambda: not any(map(alive, here)))
+    left = sorted(filter(alive, here))
+    if left:
+        raise LabStateError(f"{name}: still running: process {', '.join(map(str, left))}")
+    for e in _entries(view, name, listener):
+        if e.told is not None and e.told.ended == KILLED:
+            err.print(f"{e.name} (process {e.pid}) did not end by itself: {KILLED}")
+    if others:
+        spin_for(listener, SILENT_S)
+        others = _others(_entries(view, name, listener), here)
+    if others:
+        err.print(f"{name} is not down; still there: {others}")
+        raise typer.Exit(1)
+    err.print(f"{name} is down")
+
+
+def _interrupt(pids: set[int]) -> None:
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGINT)
+
+
+def _entries(view: LabView, name: str, listener: Listener) -> list[Entry]:
+    robot = view.robots.get(name)
+    return [] if robot is None else robot.entries(listener.now_us())
+
+
+def _stands(view: LabView, name: str, listener: Listener) -> bool:
+    """Return whether nothing makes the robot move, as far as is known."""
+    robot = view.robots.get(name)
+    status = None if robot is None else robot.status(listener.now_us())
+    return status is None or status.v_setpoint_m_per_s == status.omega_setpoint_rad_per_s == 0.0
+
+
+def _ours(entry: Entry) -> bool:
+    """Return whether a command of this machine, and still there, started a process."""
+    from offboard.lab.notes import is_klab
+
+    told = entry.told
+    return told is not None and told.host == socket.gethostname() and is_klab(told.supervisor_pid)
+
+
+def _others(entries: list[Entry], here: set[int]) -> str:
+    """Return in words who goes on without the commands ``here``, and who may stop it."""
+    words = []
+    for e in entries:
+        if e.state != "alive":
+            continue
+        if e.told is None:
+            words.append(f"{e.name} (process {e.pid}: started by hand, end it there by Ctrl-C)")
+        elif e.told.host != socket.gethostname():
+            words.append(f"{e.name} (on {e.told.host}: `klab down` there)")
+        elif e.told.supervisor_pid not in here:
+            words.append(f"{e.name} (process {e.pid}, of process {e.told.supervisor_pid})")
+    return ", ".join(words)
+
+
+def _heard(lab: LabConfig) -> tuple[Listener, LabView]:
+    """Listen for as long as it takes to hear everybody."""
+    from offboard.lab.supervisor import LISTEN_S
+    from offboard.monitor.state import LabView
+
+    listener, view = options.listen(lab), LabView(lab)
+    listener.overhear(view.take)
+    spin_for(listener, LISTEN_S)
+    return listener, view
+
+
+def _show(found: dict[str, list[Entry]]) -> None:
+    from rich.table import Table
+
+    from offboard.monitor.roll import DIED
+
+    if not any(found.values()):
+        return
+    table = Table()
+    for column in ("robot", "process", "state", "pid", "heard (s)", "needs", "who may stop it"):
+        table.add_column(column)
+    for robot, entries in sorted(found.items()):
+        for e in entries:
+            ended = f": {e.told.ended}" if e.told is not None and e.told.ended else ""
+            needs = ", ".join(e.needs) or "nothing"
+            heard = "-" if e.age_s is None else f"{e.age_s:.1f}"
+            table.add_row(robot, e.name, e.state + ended, str(e.pid), heard, needs, e.stopped_by)
+    out.print(table)
+    for robot, entries in sorted(found.items()):
+        for e in entries:
+            if e.told is not None and e.state == DIED:
+                out.print(f"{robot} {e.name}: {e.told.log_file} ends with:", markup=False)
+                out.print(e.told.last_lines or "(it said nothing)", markup=False)

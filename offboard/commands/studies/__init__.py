@@ -1,0 +1,1 @@
+"""Commands that simulate closed loops many times."""

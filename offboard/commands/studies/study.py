@@ -1,0 +1,95 @@
+"""`klab study`: closed-loop studies on the nominal equations."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from koopman_lab.config.schema import CostName
+from koopman_lab.errors import DataError
+from offboard.commands.simulate import DURATIONS_S, STARTS, CostChoice
+from offboard.commands.studies import study_starts
+from offboard.terminal import options
+from offboard.terminal.messages import err, out, progress
+
+app = typer.Typer(help="Study the closed loop in simulation.", no_args_is_help=True)
+
+
+for _command in study_starts.COMMANDS:
+    app.command()(_command)
+
+
+@app.command()
+def weights(
+    model: Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")],
+    file: Annotated[Path, typer.Option("--out", metavar="FILE", help="CSV file of all runs.")],
+    start: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option("--start", metavar="X Y THETA", help="m, m, degrees; default as the paper."),
+    ] = None,
+    cost: Annotated[
+        list[CostChoice] | None, typer.Option("--cost", help="Default: all of them.")
+    ] = None,
+    factors: Annotated[
+        str, typer.Option("--factors", metavar="F,F,...", help="Of the weights of each group.")
+    ] = "0.1,1,10",
+    duration_s: Annotated[
+        float | None, typer.Option("--duration", metavar="S", min=0.1, help="Of each run, s.")
+    ] = None,
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    as_json: options.AsJson = False,
+) -> None:
+    """Show over a grid of weights and bounds how far each cost leaves the robot from the goal.
+
+    Example: klab study weights --model runs/model.npz --start 0 0.5 0 --out runs/weights.csv
+    """
+    import numpy as np
+
+    from koopman_lab.files import write_csv
+    from koopman_lab.koopman.model import BilinearModel
+    from koopman_lab.mpc.prediction import KoopmanPrediction
+    from koopman_lab.studies import weights as studies
+
+    loaded = BilinearModel.load(model)
+    wanted = [f"controller.dt_s={loaded.dt_s}", *(overrides or ())]
+    lab = options.resolve(config, wanted, None if config else loaded.robot_kind)
+    loaded.require_robot(lab.robot.kind)
+    costs: list[CostName] = [choice.value for choice in cost or CostChoice]
+    grid = studies.settings(costs, options.parse_factors(factors))
+    typed = start if start is not None else STARTS[lab.robot.kind]
+    seconds = duration_s if duration_s is not None else DURATIONS_S[lab.robot.kind]
+    rest = [0.0] * (2 if lab.robot.kind == "dynamic" else 0)
+    x0 = np.array([*options.pose_of(typed), *rest])
+    rows = []
+    with progress("simulating") as report:
+        for row in studies.study(lab, KoopmanPrediction(loaded), x0, seconds, grid):
+            rows.append(row)
+            report(len(rows), len(grid), row.setting.cost)
+    try:
+        write_csv(file, *studies.as_table(rows))
+    except OSError as error:
+        raise DataError(
+            f"{file}: cannot be written ({error.strerror}); choose another file with --out"
+        ) from None
+    found = studies.summary(rows)
+    err.print(f"all runs: {file}")
+    if as_json:
+        out.print_json(json.dumps(found))
+        return
+    from rich.table import Table
+
+    table = Table("cost", box=None, pad_edge=False, title="largest |x2| of the last second (mm)")
+    for column in ("runs", "configured", "best", "median", "worst", "< 1 mm", "< 5 mm"):
+        table.add_column(column, justify="right")
+    for name, facts in found.items():
+        table.add_row(
+            name,
+            f"{facts['runs']:.0f}",
+            *(f"{facts[f'{key}_mm']:.4f}" for key in ("configured", "best", "median", "worst")),
+            *(f"{100.0 * facts[f'share_below_{key}_mm']:.0f} %" for key in (1, 5)),
+        )
+    out.print(table)

@@ -1,0 +1,181 @@
+"""Runs a study of random starts: its models, its pool, its progress, its table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.values import RobotKind
+from koopman_lab.errors import DataError
+from offboard.commands.simulate import DURATIONS_S
+from offboard.lab.folder import run_path
+from offboard.terminal import options
+from offboard.terminal.messages import err, out, progress
+
+if TYPE_CHECKING:
+    from koopman_lab.data.dataset import DataSet
+    from koopman_lab.studies.models import Recipe
+    from koopman_lab.studies.parking import Case
+    from koopman_lab.studies.pools import Pool
+    from koopman_lab.studies.runner import Study
+
+SLOW_DT_S = 0.1
+"""Sampling time of the kinematic robot's simulations, section 4 of the paper."""
+
+
+class How(NamedTuple):
+    """How a study is run: who runs it, where its files are, and whether it goes on."""
+
+    folder: Path
+    runs: int
+    chunk: int
+    resume: bool
+    pool: Callable[[], Pool]
+
+
+def how_to_run(
+    name: str,
+    folder: Path | None,
+    runs: int,
+    chunk: int,
+    resume: bool,
+    workers: int | None,
+    dask: str | None,
+) -> How:
+    """Return how a study is run, from what was typed.
+
+    Raises
+    ------
+    DataError
+        If the options contradict each other.
+    """
+    if resume and folder is None:
+        raise DataError("--resume: say with --out which study goes on")
+    if dask is not None and workers is not None:
+        raise DataError(
+            "--dask: the scheduler says how many workers there are; leave --workers out"
+        )
+
+    def pool() -> Pool:
+        import joblib
+
+        from koopman_lab.studies.pools import Cluster, Processes
+
+        return Processes(workers or joblib.cpu_count()) if dask is None else Cluster(dask)
+
+    return How(run_path(folder, name), runs, chunk, resume, pool)
+
+
+def with_model(
+    model: Path,
+    kind: RobotKind | None,
+    config: Path | None,
+    overrides: Sequence[str] | None,
+    seed: int | None,
+) -> tuple[LabConfig, bytes]:
+    """Return the lab at the model's sampling time, and what the model's file holds."""
+    from koopman_lab.koopman.model import BilinearModel
+
+    loaded = BilinearModel.load(model)
+    wanted = [f"controller.dt_s={loaded.dt_s}", *(overrides or ())]
+    lab = options.resolve(
+        config, wanted, kind or (None if config else loaded.robot_kind), seed=seed
+    )
+    loaded.require_robot(lab.robot.kind)
+    return lab, model.read_bytes()
+
+
+def opened(source: Path, kind: RobotKind | None) -> tuple[DataSet, str]:
+    """Return a data set, at the paper's sampling time, and the dictionary for it."""
+    from koopman_lab.data.source import open_source
+
+    found = open_source(source, robot_kind=kind)
+    session = found.file.is_file() and found.file != source
+    if session and found.dataset.robot_kind == "kinematic":
+        found = open_source(source, dt_s=SLOW_DT_S)
+    return found.dataset, found.dictionary
+
+
+def trained(
+    recipes: dict[str, Recipe],
+    dataset: DataSet,
+    dictionary: str,
+    overrides: Sequence[str] | None,
+    seed: int | None,
+    how: How,
+) -> list[Case]:
+    """Return a case for each model, trained into the study's folder or refused.
+
+    Raises
+    ------
+    LabError
+        If a model of a study that goes on is missing, or the folder cannot be written.
+    """
+    from koopman_lab.studies import models
+    from koopman_lab.studies.parking import Case
+
+    kind = dataset.robot_kind
+    wanted = [f"controller.dt_s={dataset.dt_s}", *(overrides or ())]
+    lab = options.resolve(None, wanted, kind, seed=seed)
+    goes_on = how.resume and (how.folder / "study.json").exists()
+    cases = []
+    for label, recipe in recipes.items():
+        file = how.folder / "models" / f"{label}.npz"
+        content, refused = models.trained(file, recipe, dataset, dictionary, lab.seed, keep=goes_on)
+        if refused:
+            err.print(f"{label}: no model ({refused})", markup=False)
+        cases.append(Case(label, lab, "reprojected", DURATIONS_S[kind], content, refused))
+    return cases
+
+
+def run(name: str, cases: Sequence[Case], how: How, facts: dict[str, Any] | None = None) -> None:
+    """Run a study to its end and print its table.
+
+    Raises
+    ------
+    LabError
+        If the folder cannot be used, or whoever runs it is gone for good.
+    """
+    from koopman_lab.studies.runner import Study, run_study
+
+    study = Study(name, cases, how.runs, facts or {})
+    pool = how.pool()
+    with progress(name, "runs") as report:
+        rows = run_study(
+            how.folder,
+            study,
+            pool,
+            how.chunk,
+            how.resume,
+            lambda done, total, rate: report(done, total, f"{rate:.1f} runs/s"),
+            lambda left: err.print(
+                "a process was killed; what it was at is run again"
+                + (f" (not more than {left} times)" if left else "")
+            ),
+        )
+    _show(study, rows)
+    err.print(f"figure: {how.folder / 'distribution.png'}")
+
+
+def _show(study: Study, rows: Sequence[dict[str, Any]]) -> None:
+    from rich.table import Table
+
+    from koopman_lab.studies.table import COLUMNS, table
+
+    columns = ("p25_mm", "p50_mm", "p75_mm", "p95_mm", "max_mm")
+    shown = Table(box=None, pad_edge=False, title=f"{study.name}: |x2| at the end (mm)")
+    shown.add_column("case", no_wrap=True)
+    for column in ("runs", "failed", "25 %", "50 %", "75 %", "95 %", "max", "< 2 mm"):
+        shown.add_column(column, justify="right", no_wrap=True)
+    for line in table(rows, [case.label for case in study.cases]):
+        of = dict(zip(COLUMNS, line, strict=True))
+        shown.add_row(
+            of["case"],
+            str(of["runs"]),
+            str(of["failed"]),
+            *(f"{of[column]:.3g}" for column in columns),
+            f"{100.0 * of['share_below_2_mm']:.0f} %",
+        )
+    out.print(shown)

@@ -1,0 +1,246 @@
+"""`klab study`: the studies that meet the robot at random starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from koopman_lab.config.values import RobotKind
+from koopman_lab.errors import DataError
+from offboard.commands.simulate import DURATIONS_S
+from offboard.commands.studies.study_run import How, how_to_run, opened, run, trained, with_model
+from offboard.terminal import options
+
+if TYPE_CHECKING:
+    from koopman_lab.studies.models import Recipe
+    from koopman_lab.studies.parking import Case
+
+HORIZONS = range(10, 101, 10)
+
+Model = Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")]
+Source = Annotated[
+    Path,
+    typer.Option(
+        "--dataset",
+        metavar="SOURCE",
+        help="A session, or a data set .npz of one; a kinematic session is sampled every 0.1 s.",
+    ),
+]
+Runs = Annotated[int, typer.Option("--runs", min=1, help="Starts; each controller meets all.")]
+Workers = Annotated[
+    int | None, typer.Option("--workers", min=1, help="Processes; default: one for each core.")
+]
+Chunk = Annotated[int, typer.Option("--chunk", min=1, help="Runs handed out at once.")]
+Dask = Annotated[
+    str | None,
+    typer.Option(
+        "--dask",
+        metavar="ADDRESS",
+        help="Run on the workers of this scheduler, e.g. tcp://127.0.0.1:8786.",
+    ),
+]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with the study in --out DIR.")]
+
+
+def kinematic_parking(
+    model: Model,
+    runs: Runs = 1000,
+    seed: options.Seed = None,
+    workers: Workers = None,
+    chunk: Chunk = 5,
+    dask: Dask = None,
+    resume: Resume = False,
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    folder: options.Out = None,
+) -> None:
+    """Park the kinematic robot from random poses with every controller; |x2| after 10 s.
+
+    DIR gets rows.csv, table.csv and the distribution functions (section 4 of the paper).
+
+    Example: klab study kinematic-parking --model runs/slow.npz --runs 100 --out runs/parking
+    """
+    how = how_to_run("kinematic-parking", folder, runs, chunk, resume, workers, dask)
+    _parking("kinematic-parking", "kinematic", model, how, config, overrides, seed)
+
+
+def dynamic_parking(
+    model: Model,
+    runs: Runs = 1000,
+    seed: options.Seed = None,
+    workers: Workers = None,
+    chunk: Chunk = 5,
+    dask: Dask = None,
+    resume: Resume = False,
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    folder: options.Out = None,
+) -> None:
+    """Park the second-order robot from random poses in X0, at rest; |x2| after 20 s.
+
+    DIR gets rows.csv, table.csv and the distribution functions (section 5.4 of the paper).
+
+    Example: klab study dynamic-parking --model runs/dynamic.npz --runs 100 --out runs/parking
+    """
+    how = how_to_run("dynamic-parking", folder, runs, chunk, resume, workers, dask)
+    _parking("dynamic-parking", "dynamic", model, how, config, overrides, seed)
+
+
+def horizon(
+    model: Model,
+    runs: Runs = 1000,
+    seed: options.Seed = None,
+    workers: Workers = None,
+    chunk: Chunk = 5,
+    dask: Dask = None,
+    resume: Resume = False,
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    folder: options.Out = None,
+) -> None:
+    """Park from random poses with horizons of 10 to 100 sampling times.
+
+    Example: klab study horizon --model runs/dynamic.npz --runs 100 --out runs/horizon
+    """
+    from koopman_lab.studies.parking import Case, with_controller
+
+    how = how_to_run("horizon", folder, runs, chunk, resume, workers, dask)
+    lab, content = with_model(model, None, config, overrides, seed)
+    seconds = DURATIONS_S[lab.robot.kind]
+    cases = [
+        Case(f"h{steps}", with_controller(lab, horizon=steps), "reprojected", seconds, content)
+        for steps in HORIZONS
+    ]
+    run("horizon", cases, how)
+
+
+def data_efficiency(
+    kinematic: Annotated[
+        Path | None,
+        typer.Option(
+            "--dataset-kinematic",
+            metavar="SOURCE",
+            help="A session, sampled every 0.1 s, or a data set .npz.",
+        ),
+    ] = None,
+    dynamic: Annotated[
+        Path | None,
+        typer.Option("--dataset-dynamic", metavar="SOURCE", help="A session, or a data set .npz."),
+    ] = None,
+    runs: Runs = 1000,
+    seed: options.Seed = None,
+    workers: Workers = None,
+    chunk: Chunk = 5,
+    dask: Dask = None,
+    resume: Resume = False,
+    overrides: options.Overrides = None,
+    folder: options.Out = None,
+) -> None:
+    """Park with models of 5, 10, ... 2000 and all samples per basis input (section 6).
+
+    The samples are drawn across the runs of the session; DIR/models holds the models.
+
+    Example: klab study data-efficiency --dataset-dynamic runs/dynamic --runs 100 --out runs/few
+    """
+    from koopman_lab.studies.models import by_count
+
+    sources: list[tuple[RobotKind, Path | None]] = [("kinematic", kinematic), ("dynamic", dynamic)]
+    if not any(source for _, source in sources):
+        raise DataError("name a session with --dataset-kinematic, --dataset-dynamic, or both")
+    how = how_to_run("data-efficiency", folder, runs, chunk, resume, workers, dask)
+    cases: list[Case] = []
+    facts: dict[str, Any] = {}
+    for kind, source in sources:
+        if source is None:
+            continue
+        dataset, dictionary = opened(source, kind)
+        recipes = {f"{kind}-{label}": recipe for label, recipe in by_count().items()}
+        cases += trained(recipes, dataset, dictionary, overrides, seed, how)
+        facts[f"data_{kind}"] = dataset.data_hash
+    run("data-efficiency", cases, how, facts)
+
+
+def combination(
+    source: Source,
+    runs: Runs = 1000,
+    seed: options.Seed = None,
+    workers: Workers = None,
+    chunk: Chunk = 5,
+    dask: Dask = None,
+    resume: Resume = False,
+    dictionary: options.Dictionary = None,
+    overrides: options.Overrides = None,
+    folder: options.Out = None,
+) -> None:
+    """Park with models that combine inputs as the paper does, and by their generators.
+
+    Example: klab study combination --dataset runs/dynamic --runs 100 --out runs/combination
+    """
+    from koopman_lab.koopman.train import Method
+    from koopman_lab.studies.models import Recipe
+
+    recipes = {
+        "paper": Recipe(method=Method(combination="paper")),
+        "generator": Recipe(method=Method(combination="generator")),
+    }
+    how = how_to_run("combination", folder, runs, chunk, resume, workers, dask)
+    _methods("combination", recipes, source, dictionary, overrides, seed, how)
+
+
+def fit(
+    source: Source,
+    runs: Runs = 1000,
+    seed: options.Seed = None,
+    workers: Workers = None,
+    chunk: Chunk = 5,
+    dask: Dask = None,
+    resume: Resume = False,
+    dictionary: options.Dictionary = None,
+    overrides: options.Overrides = None,
+    folder: options.Out = None,
+) -> None:
+    """Park with models of plain, noise-aware and symmetric fits.
+
+    Example: klab study fit --dataset runs/dynamic --runs 100 --out runs/fit
+    """
+    from koopman_lab.evaluation.needed import METHODS
+    from koopman_lab.studies.models import Recipe
+
+    recipes = {name: Recipe(method=METHODS[name]) for name in ("plain", "noise-aware", "symmetric")}
+    how = how_to_run("fit", folder, runs, chunk, resume, workers, dask)
+    _methods("fit", recipes, source, dictionary, overrides, seed, how)
+
+
+COMMANDS = (kinematic_parking, dynamic_parking, data_efficiency, horizon, combination, fit)
+
+
+def _parking(
+    name: str,
+    kind: RobotKind,
+    model: Path,
+    how: How,
+    config: Path | None,
+    overrides: Sequence[str] | None,
+    seed: int | None,
+) -> None:
+    from koopman_lab.studies.parking import cases
+
+    lab, content = with_model(model, kind, config, overrides, seed)
+    run(name, cases(lab, content, DURATIONS_S[kind]), how)
+
+
+def _methods(
+    name: str,
+    recipes: dict[str, Recipe],
+    source: Path,
+    dictionary: str | None,
+    overrides: Sequence[str] | None,
+    seed: int | None,
+    how: How,
+) -> None:
+    dataset, own = opened(source, None)
+    cases = trained(recipes, dataset, dictionary or own, overrides, seed, how)
+    run(name, cases, how, {"data": dataset.data_hash})

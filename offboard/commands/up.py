@@ -1,0 +1,133 @@
+"""`klab up`: the lab's standing processes until Ctrl-C."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from offboard.commands.view import HOST, PORT, TOKEN, Host, Port, addresses, listen, token_for
+from offboard.lab.folder import new_folder
+from offboard.terminal import options
+from offboard.terminal.messages import err, status_line
+
+if TYPE_CHECKING:
+    from koopman_lab.bus.realtime import Listener
+    from offboard.lab.supervisor import Supervisor
+
+PAGE_LIMIT_S = 30.0
+"""As long as other processes may take to start."""
+WAIT_S = 0.1
+
+
+def up(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    preset: options.Preset = options.PresetName.lab,
+    seed: options.Seed = None,
+    robot_name: options.RobotsName = None,
+    url: options.Url = None,
+    out: options.Out = None,
+    view: Annotated[
+        bool, typer.Option("--view", help="Serve the page of `klab view` too.")
+    ] = False,
+    host: Host = HOST,
+    port: Port = PORT,
+) -> None:
+    """Run plant, onboard loop and logger as supervised processes until Ctrl-C or `klab down`.
+
+    If one dies, the robot stops, the others are ended, and its last lines are shown: nothing is
+    started again behind your back. Each process is asked to end by SIGINT, after 3 s by SIGTERM,
+    after 3 s more by SIGKILL.
+
+    Example: klab up --robot dynamic --robot-name R2
+    """
+    from koopman_lab.errors import LabStateError
+    from offboard.lab.claim import claimed
+    from offboard.lab.supervisor import present, start_missing, supervised
+
+    lab_config = options.resolve(
+        config, overrides, options.kind_of(robot), preset, seed, url, robot_name=robot_name
+    )
+    try:
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(claimed(lab_config))
+            page = stack.enter_context(listen(host, port)) if view else None
+            listener = options.listen(lab_config)
+            there = present(listener) & {"plant", "onboard"}
+            if there:
+                raise LabStateError(
+                    f"{', '.join(sorted(there))} of {lab_config.robot.name} already on "
+                    f"{lab_config.bus.url}; stop that lab, or take another name with "
+                    "--robot-name R2"
+                )
+            folder = new_folder(out, "up", lab_config)
+            lab = stack.enter_context(supervised(lab_config, folder, listener))
+            start_missing(lab, set(), folder)
+            if page is not None:
+                _serve(listener, lab, page, host)
+            name, kind = lab_config.robot.name, lab_config.robot.kind
+            err.print(f"{name} ({kind}) is up on {lab_config.bus.url}; log: {folder.log}")
+            same = "" if robot_name is None else f" with --robot-name {name}"
+            err.print(
+                f"Ctrl-C ends it; `klab calibrate` and `klab park`{same} in another terminal use it"
+            )
+            with status_line() as show:
+                _follow(listener, lab, show)
+    except KeyboardInterrupt:
+        err.print("stopped")
+        raise typer.Exit(130) from None
+
+
+def _serve(listener: Listener, lab: Supervisor, page: socket.socket, host: str) -> None:
+    """Start the page and name its addresses once it answers: nobody follows them into nothing.
+
+    Nobody else can answer on the socket, which listens since before anything was started.
+    """
+    from koopman_lab.errors import LabStateError
+
+    token = token_for(host)
+    if token is not None:
+        os.environ[TOKEN] = token
+    fd = page.fileno()
+    lab.start("view", "--host", host, "--socket-fd", str(fd), pass_fds=[fd])
+    where = page.getsockname()[:2]
+    with socket.create_connection(where) as asking:
+        asking.sendall(b"HEAD /static/app.js HTTP/1.0\r\n\r\n")
+        asking.settimeout(WAIT_S)
+        for _ in range(round(PAGE_LIMIT_S / WAIT_S)):
+            with contextlib.suppress(TimeoutError):
+                asking.recv(1)
+                break
+            listener.spin(0.0)
+            lab.check()
+        else:
+            raise LabStateError(f"view: no answer on port {where[1]} within {PAGE_LIMIT_S:g} s")
+    err.print(f"page: {' or '.join(addresses(page, token))}", markup=False)
+
+
+def _follow(listener: Listener, lab: Supervisor, show: Callable[[str], None]) -> None:
+    """Show how the lab is until it is interrupted or a process dies."""
+    import lcmtypes
+    from koopman_lab.bus.channels import LOGGER_STATUS, ONBOARD_STATUS
+    from offboard.monitor.words import standing
+
+    onboard: deque[lcmtypes.onboard_status_t] = deque(maxlen=1)
+    logger: deque[lcmtypes.logger_status_t] = deque(maxlen=1)
+    listener.subscribe(ONBOARD_STATUS, onboard.append)
+    listener.subscribe(LOGGER_STATUS, logger.append)
+    while True:
+        listener.spin(0.2)
+        lab.check()
+        if onboard and logger:
+            robot, log = onboard[0], logger[0]
+            show(
+                f"{standing(robot)}, {robot.battery_v:.1f} V; {log.events} messages stored, "
+                f"{log.mocap_lost_messages} camera messages lost"
+            )

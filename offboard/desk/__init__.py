@@ -1,0 +1,1 @@
+"""What every process of the desk shares that commands the robot or speaks for a person."""

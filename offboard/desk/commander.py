@@ -1,0 +1,156 @@
+"""What every node that drives the robot needs: who is alive, commands, the session's facts."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+import lcmtypes
+from koopman_lab.bus import channels
+from koopman_lab.bus.commanders import commander_name, commander_number
+from koopman_lab.bus.node import Port
+from koopman_lab.config.load import dump_config
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.units import US_PER_S
+from offboard.desk.obstacle import Obstacle
+from offboard.desk.time_server import TimeServer
+
+ONBOARD_TIMEOUT_S = 1.0
+"""Ten of its status messages."""
+LOGGER_TIMEOUT_S = 2.0
+"""Four of its heartbeats."""
+FAULTS = ("no fault", "battery low", "encoders silent", "left wheel stuck", "right wheel stuck")
+"""By the numbers of ``onboard_status_t``."""
+
+
+def why_stopped(status: lcmtypes.onboard_status_t) -> str | None:
+    """Return what holds the robot until a person releases it, None if nothing does."""
+    if status.state == status.ESTOP:
+        return "emergency stop"
+    return FAULTS[status.fault] if status.state == status.FAULT else None
+
+
+class Freshness:
+    """The newest pose and status, as long as they are young enough to act on."""
+
+    def __init__(self, port: Port, config: LabConfig) -> None:
+        self._pose: lcmtypes.mocap_pose_t | None = None
+        self._onboard: lcmtypes.onboard_status_t | None = None
+        self._logger: lcmtypes.logger_status_t | None = None
+        self._tracking_timeout_s = config.sampler.tracking_timeout_s
+        port.subscribe(channels.MOCAP_POSE, self._on_pose)
+        port.subscribe(channels.ONBOARD_STATUS, self._on_onboard)
+        port.subscribe(channels.LOGGER_STATUS, self._on_logger)
+
+    def pose(self, now_us: int) -> lcmtypes.mocap_pose_t | None:
+        """Return the newest valid pose, or None while tracking is lost."""
+        return _young(self._pose, now_us, self._tracking_timeout_s)
+
+    def onboard(self, now_us: int) -> lcmtypes.onboard_status_t | None:
+        """Return the newest status of the motor loop, or None while it is silent."""
+        return _young(self._onboard, now_us, ONBOARD_TIMEOUT_S)
+
+    def robot(self, commander: int, now_us: int) -> bool:
+        """Return whether the motor loop would take commands of this commander."""
+        return self.obstacle(commander, now_us) is None
+
+    def obstacle(self, commander: int, now_us: int) -> Obstacle | None:
+        """Return why the motor loop would take no commands of this commander, None if it would."""
+        status = self.onboard(now_us)
+        if status is None:
+            return Obstacle("onboard loop silent")
+        why = why_stopped(status)
+        if why is not None:
+            return Obstacle(f"onboard loop stopped: {why}", lasting=True)
+        if status.commander in (0, commander):
+            return None
+        return Obstacle(f"onboard loop held by {commander_name(status.commander)}", lasting=True)
+
+    def logger(self, now_us: int) -> bool:
+        """Return whether the logger is writing down what happens."""
+        return _young(self._logger, now_us, LOGGER_TIMEOUT_S) is not None
+
+    def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:
+        if message.tracking_valid:
+            self._pose = message
+
+    def _on_onboard(self, message: lcmtypes.onboard_status_t) -> None:
+        self._onboard = message
+
+    def _on_logger(self, message: lcmtypes.logger_status_t) -> None:
+        self._logger = message
+
+
+def _young(message: channels.M | None, now_us: int, timeout_s: float) -> channels.M | None:
+    # A board that does not know the time yet may stamp the future.
+    if message is None or abs(now_us - message.utime) > timeout_s * US_PER_S:
+        return None
+    return message
+
+
+class Commands:
+    """Sends inputs as the message the robot's kind is driven with.
+
+    As long as the motor loop does not say that this commander holds the robot, each command
+    offers to begin a sequence; that also takes the robot again after its watchdog has stopped it.
+
+    Who commands also tells the board the time: it is this clock that stamps the commands, and by
+    which their age is judged. The logger could not, as it only receives and stores.
+    """
+
+    def __init__(self, port: Port, config: LabConfig, role: int) -> None:
+        self._port = port
+        self.number = commander_number(role, port.process)
+        """Of this commander, in commands and in what the motor loop says of them."""
+        TimeServer(port)
+        self._accelerates = config.robot.kind == "dynamic"
+        self._holds = False
+        port.subscribe(channels.ONBOARD_STATUS, self._on_onboard)
+
+    def send(self, u: tuple[float, float], utime: int) -> None:
+        """Send (v, omega) in m/s and rad/s, or (a, d_omega) in m/s^2 and rad/s^2."""
+        intent = lcmtypes.velocity_command_t.CONTINUE
+        if not self._holds:
+            intent = lcmtypes.velocity_command_t.BEGIN
+        self._send(u, utime, intent)
+
+    def rest(self, utime: int) -> None:
+        """Bring the robot to rest and give it up, as long as the motor loop says it is held."""
+        if self._holds:
+            self.release(utime)
+
+    def release(self, utime: int) -> None:
+        """Bring the robot to rest and give it up."""
+        self._send((0.0, 0.0), utime, lcmtypes.velocity_command_t.RELEASE)
+
+    def _on_onboard(self, status: lcmtypes.onboard_status_t) -> None:
+        self._holds = status.commander == self.number
+
+    def _send(self, u: tuple[float, float], utime: int, intent: int) -> None:
+        if self._accelerates:
+            acceleration = lcmtypes.acceleration_command_t()
+            acceleration.utime, acceleration.commander = utime, self.number
+            acceleration.intent = intent
+            acceleration.a_m_per_s2, acceleration.d_omega_rad_per_s2 = u
+            self._port.publish(channels.ACCELERATION_CMD, acceleration)
+        else:
+            velocity = lcmtypes.velocity_command_t()
+            velocity.utime, velocity.commander = utime, self.number
+            velocity.intent = intent
+            velocity.v_m_per_s, velocity.omega_rad_per_s = u
+            self._port.publish(channels.VELOCITY_CMD, velocity)
+
+
+class SessionInfo:
+    """Repeats what is being done and with which configuration, so that a log explains itself."""
+
+    def __init__(self, port: Port, config: LabConfig, activity: str) -> None:
+        self._port = port
+        self._message = lcmtypes.session_info_t()
+        self._message.activity = activity
+        self._message.config_yaml = dump_config(config)
+        self._message.version = version("koopman-lab")
+        port.every(channels.INFO_RATE_HZ, self._send)
+
+    def _send(self, tick_us: int) -> None:
+        self._message.utime = tick_us
+        self._port.publish(channels.SESSION_INFO, self._message)

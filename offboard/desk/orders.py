@@ -1,0 +1,115 @@
+"""What a person orders, said again until the robot obeys: UDP loses messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Generic, Protocol
+
+import lcmtypes
+from koopman_lab.bus.channels import ESTOP, GOAL, Channel, M
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.geometry.planar import Pose
+from offboard.desk.goal_message import goal_message, require_reachable
+
+TRIES = 100
+WAIT_S = 0.02
+"""Between tries; two seconds in all."""
+
+
+class Speaker(Protocol):
+    """A process's mouth on the bus."""
+
+    def publish(self, channel: Channel[M], message: M) -> None:
+        """Send a message."""
+
+    def now_us(self) -> int:
+        """Return the present time (us)."""
+
+
+class Order(Generic[M]):
+    """One order on its way.
+
+    Parameters
+    ----------
+    channel
+        It is said on.
+    message
+        Returns it, stamped with a time (us).
+    obeyed
+        Returns whether the robot says that it obeys.
+    """
+
+    def __init__(
+        self, channel: Channel[M], message: Callable[[int], M], obeyed: Callable[[], bool]
+    ) -> None:
+        self._channel = channel
+        self._message = message
+        self._obeyed = obeyed
+        self._said = 0
+
+    def step(self, speaker: Speaker) -> bool | None:
+        """Say it once more; return whether it was obeyed, None as long as that is open."""
+        if self._said and self._obeyed():
+            return True
+        if self._said == TRIES:
+            return False
+        self._said += 1
+        speaker.publish(self._channel, self._message(speaker.now_us()))
+        return None
+
+
+def stop_order(
+    status: Callable[[], lcmtypes.onboard_status_t | None], *, release: bool
+) -> Order[lcmtypes.estop_t]:
+    """Return the order to stop the motors, or to release them and acknowledge a fault.
+
+    Parameters
+    ----------
+    status
+        Returns the newest status of the motor loop, None if it is silent.
+    release
+        Release instead of stopping.
+    """
+
+    def message(utime: int) -> lcmtypes.estop_t:
+        stop = lcmtypes.estop_t()
+        stop.utime, stop.engaged = utime, not release
+        return stop
+
+    def obeyed() -> bool:
+        newest = status()
+        if newest is None:
+            return False
+        # A commander that waits for it may take a released robot at once.
+        stopped = newest.state == newest.ESTOP
+        return newest.state not in (newest.ESTOP, newest.FAULT) if release else stopped
+
+    return Order(ESTOP, message, obeyed)
+
+
+def goal_order(
+    goal: Pose, config: LabConfig, state: Callable[[], lcmtypes.mpc_state_t | None]
+) -> Order[Any]:
+    """Return the order to park somewhere else.
+
+    Parameters
+    ----------
+    goal
+        In the inertial frame.
+    config
+        Of the lab, for the bounds of the floor.
+    state
+        Returns the controller's newest step, None if it is silent.
+
+    Raises
+    ------
+    LabStateError
+        If the goal is no pose, or outside the floor.
+    """
+    require_reachable(goal, config.controller)
+
+    def obeyed() -> bool:
+        newest = state()
+        return newest is not None and tuple(newest.goal) == tuple(goal)
+
+    return Order(GOAL, lambda utime: goal_message(goal, utime), obeyed)

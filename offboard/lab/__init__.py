@@ -1,0 +1,1 @@
+"""Sessions, and the processes that they start and watch."""

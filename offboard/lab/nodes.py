@@ -1,0 +1,42 @@
+"""Builds nodes; the only place of the desk that knows the robot's side."""
+
+from __future__ import annotations
+
+from koopman_lab.bus.lockstep import Lockstep
+from koopman_lab.bus.node import Node
+from koopman_lab.config.schema import LabConfig
+from offboard.lab.folder import RunFolder
+from offboard.lab.watch import Onlooker
+from offboard.logger.node import LoggerNode
+from onboard.motor_loop.node import OnboardNode
+from onboard.plant.node import PlantNode
+
+
+def plant(config: LabConfig) -> Node:
+    """Return what stands in for hardware."""
+    return PlantNode(config)
+
+
+def onboard(config: LabConfig) -> Node:
+    """Return the motor loop."""
+    return OnboardNode(config)
+
+
+def logger(config: LabConfig, folder: RunFolder, *, resume: bool = False) -> Node:
+    """Return the logger of a run folder."""
+    return LoggerNode(config, folder.log, resume=resume)
+
+
+def lockstep_lab(
+    config: LabConfig, folder: RunFolder, commander: Node, resume_us: int | None = None
+) -> Lockstep:
+    """Return the whole lab on virtual time, with ``commander`` driving the robot.
+
+    With ``resume_us`` (us) it goes on behind the log that is there, from this time on.
+    """
+    resume = resume_us is not None
+    lab = Lockstep(config, resume_us or 0)
+    standing = plant(config), onboard(config), logger(config, folder, resume=resume)
+    for node in (*standing, commander, Onlooker(config)):
+        lab.add(node)
+    return lab

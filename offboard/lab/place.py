@@ -1,0 +1,58 @@
+"""Places the robot: the plant by message, a real one by asking for a hand."""
+
+from __future__ import annotations
+
+import math
+
+import lcmtypes
+from koopman_lab.bus.channels import MOCAP_POSE, PLANT_RESET
+from koopman_lab.bus.realtime import Listener
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import LabStateError
+from koopman_lab.geometry.planar import Pose
+from koopman_lab.units import US_PER_S
+from offboard.desk.placing import reset_message, stands
+
+TRIES = 20
+FRAMES_PER_TRY = 60
+SILENT_S = 1.0
+
+
+def place(listener: Listener, config: LabConfig, start: Pose, *, by_hand: bool) -> None:
+    """Place the robot at ``start`` and see by the cameras that it stands there.
+
+    Raises
+    ------
+    LabStateError
+        If the cameras are silent, or do not see the robot there.
+    """
+    seen: list[lcmtypes.mocap_pose_t] = []
+    listener.subscribe(MOCAP_POSE, seen.append)
+    for _ in range(1 if by_hand else TRIES):
+        asked_us = listener.now_us()
+        if not by_hand:
+            listener.publish(PLANT_RESET, reset_message(start, asked_us))
+        seen.clear()
+        heard, heard_us = 0, asked_us
+        while len(seen) < FRAMES_PER_TRY:
+            listener.spin(SILENT_S / 4.0)
+            now_us = listener.now_us()
+            if len(seen) > heard:
+                heard, heard_us = len(seen), now_us
+            # Heartbeats go on when the cameras do not, so it is their silence that counts.
+            elif now_us - heard_us > SILENT_S * US_PER_S:
+                raise LabStateError(
+                    f"{MOCAP_POSE.name(config.robot.name)}: silent; are the cameras running?"
+                )
+            if any(_shows(m, start, config) for m in seen if m.utime > asked_us):
+                return
+    place_it = "place it there by hand" if by_hand else "is another plant on this bus?"
+    raise LabStateError(
+        f"the cameras do not see the robot at x1 {start.x1:g} m, x2 {start.x2:g} m, "
+        f"theta {math.degrees(start.theta):g} deg; {place_it}"
+    )
+
+
+def _shows(frame: lcmtypes.mocap_pose_t, start: Pose, config: LabConfig) -> bool:
+    pose = Pose(frame.x1_m, frame.x2_m, frame.theta_rad)
+    return frame.tracking_valid and stands(pose, start, config.plant.placement)

@@ -1,0 +1,316 @@
+"""Starts nodes as processes, watches them, and leaves none behind."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from types import FrameType
+
+import lcmtypes
+from koopman_lab.bus.channels import DRIVERS, HEARTBEATS, PROCESS
+from koopman_lab.bus.realtime import Listener
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import LabStateError
+from koopman_lab.units import US_PER_S
+from offboard.desk.processes import NAMES
+from offboard.lab.child import command
+from offboard.lab.folder import RunFolder
+from offboard.lab.notes import Note, last_lines
+from offboard.monitor.roll import SILENT_S
+from offboard.terminal.messages import err
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
+PATIENCE_S = 3.0
+"""Time between these signals."""
+KILLED = f"killed by SIGKILL, {PATIENCE_S:g} s after SIGTERM and {2 * PATIENCE_S:g} s after SIGINT"
+READY_LIMIT_S = 30.0
+"""Importing the solver on a busy board takes seconds."""
+LISTEN_S = 1.2
+"""More than two heartbeats, to know who is there already."""
+LONGEST_LINE = 200
+"""Characters of each of the last lines that go over the bus."""
+FAREWELLS = 3
+"""How a process ended is said this often: UDP loses messages, and nobody says it later."""
+SHOWN_S = 1.0
+"""So long the page goes on after a process died, to say so to whoever looks."""
+SCARCE_BYTES = 1 << 16
+"""With less room than this on its disk, a process may have had none for its last words."""
+
+
+def present(listener: Listener) -> set[str]:
+    """Listen for a moment and return the nodes of this robot that speak on the bus."""
+    heard: dict[str, int] = {}
+    for name, channel in HEARTBEATS.items():
+        listener.subscribe(channel, _note(name, heard))
+    # What waited in the queue may be from processes that have ended since.
+    while listener.spin(0.0):
+        pass
+    heard.clear()
+    end_s = time.monotonic() + LISTEN_S
+    while (left_s := end_s - time.monotonic()) > 0:
+        listener.spin(left_s)
+    return set(heard)
+
+
+class Supervisor:
+    """Child processes of one command.
+
+    Each child holds the read end of a pipe and ends when the write end here is gone, so killing
+    the supervisor with SIGKILL leaves nobody behind. Children have sessions of their own: Ctrl-C
+    in the terminal reaches only the supervisor, which stops them in order.
+
+    Parameters
+    ----------
+    config
+        The lab, as written to the run folder.
+    folder
+        Takes the processes' own logs.
+    listener
+        This process's ear on the bus.
+    """
+
+    def __init__(self, config: LabConfig, folder: RunFolder, listener: Listener) -> None:
+        self._config = config
+        self._folder = folder
+        self._listener = listener
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._started_us: dict[str, int] = {}
+        self._heard_us: dict[str, int] = {}
+        self._ended: dict[str, tuple[int, str]] = {}
+        self._announced_us = 0
+        self._note = Note(config, folder)
+        self._lifeline_read, self._lifeline_write = os.pipe()
+        for name, channel in HEARTBEATS.items():
+            listener.subscribe(channel, partial(self._hear, name))
+
+    def start(self, name: str, *arguments: str | Path, pass_fds: Sequence[int] = ()) -> None:
+        """Start a node; its standard output and error go to its file in the run folder.
+
+        It inherits the file descriptors ``pass_fds``.
+
+        Raises
+        ------
+        LabStateError
+            If that file cannot be written.
+        """
+        node = command(
+            *("offboard.cli.main", "run", name, "--config", self._folder.config),
+            *("--lifeline-fd", str(self._lifeline_read), *arguments),
+        )
+        file = self._folder.process_log(name)
+        try:
+            file.parent.mkdir(exist_ok=True)
+            log = file.open("ab")
+        except OSError as error:
+            raise LabStateError(
+                f"{file}: cannot be written ({error.strerror}); see whether the disk is full or "
+                "read-only"
+            ) from None
+        with log:
+            self._children[name] = subprocess.Popen(
+                node,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                pass_fds=[self._lifeline_read, *pass_fds],
+                start_new_session=True,
+            )
+        self._started_us[name] = self._listener.now_us()
+        self._heard_us.pop(name, None)
+        self._note.started(name, self._children[name].pid)
+
+    def wait_ready(self, *names: str) -> None:
+        """Wait until these children have been heard on the bus.
+
+        Raises
+        ------
+        LabStateError
+            If one ends, or is not heard in time.
+        """
+        end_s = time.monotonic() + READY_LIMIT_S
+        while any(n not in self._heard_us for n in names):
+            self.check()
+            if time.monotonic() > end_s:
+                silent = [n for n in names if n not in self._heard_us]
+                raise LabStateError(
+                    f"{', '.join(silent)}: started, but not heard on {self._config.bus.url} within "
+                    f"{READY_LIMIT_S:g} s; `klab doctor` looks at the bus"
+                )
+            self._listener.spin(0.1)
+
+    def check(self) -> None:
+        """Refuse to go on without a process that should be running.
+
+        Raises
+        ------
+        LabStateError
+            If a child has ended by itself with an error, or a node that others need has ended.
+        """
+        for name, child in self._children.items():
+            code = child.poll()
+            if code is None or (code == 0 and name in DRIVERS):
+                continue
+            file, how = self._folder.process_log(name), _how(code)
+            lines = last_lines(file)
+            self._note_end(name, lcmtypes.process_t.DIED, how)
+            self._announce(FAREWELLS)
+            self._note.died(name, how, self._announced_us)
+            last = "\n".join(f"    {line}" for line in lines) or f"    ({_nothing_said(file)})"
+            raise LabStateError(f"{name} died ({how}); {file} ends with:\n{last}")
+        if self._listener.now_us() >= self._announced_us + self._period_us():
+            self._announce()
+
+    def process(self, name: str) -> int:
+        """Return the process number of a child."""
+        return self._children[name].pid
+
+    def ended(self, name: str) -> bool:
+        """Return whether a child has ended."""
+        return self._children[name].poll() is not None
+
+    def stop(self) -> None:
+        """Stop all children in order: SIGINT, then SIGTERM, then SIGKILL, 3 s each; say so."""
+        for name in sorted(self._children, key=NAMES.index):
+            if name == "view" and any(
+                state == lcmtypes.process_t.DIED for state, _ in self._ended.values()
+            ):
+                time.sleep(SHOWN_S)
+            killed = _stop(self._children[name])
+            code = self._children[name].returncode
+            how = KILLED if killed else "" if code is None else _how(code)
+            self._note_end(name, lcmtypes.process_t.FINISHED, how)
+            if killed:
+                with contextlib.suppress(OSError):  # of a terminal that was closed
+                    err.print(f"{name} did not end by itself: {KILLED}")
+            self._announce()
+        self._announce(FAREWELLS)
+        self._note.over()
+        os.close(self._lifeline_write)
+        os.close(self._lifeline_read)
+
+    def _hear(self, name: str, beat: lcmtypes.node_status_t) -> None:
+        """Take a heartbeat; the logger of another command is none of ours."""
+        if name in self._children and beat.pid == self._children[name].pid:
+            self._heard_us[name] = self._listener.now_us()
+
+    def _state(self, name: str) -> int:
+        """Return how a child is that has not ended: there, still starting, or hung."""
+        told = lcmtypes.process_t
+        if name not in HEARTBEATS:
+            return told.RUNNING
+        heard_us = self._heard_us.get(name)
+        if heard_us is None:
+            age_s = (self._announced_us - self._started_us[name]) / US_PER_S
+            return told.STARTING if age_s <= READY_LIMIT_S else told.SILENT
+        age_s = (self._announced_us - heard_us) / US_PER_S
+        return told.RUNNING if age_s <= SILENT_S else told.SILENT
+
+    def _note_end(self, name: str, state: int, how: str) -> None:
+        """Keep how a child ended; the first word counts."""
+        self._ended.setdefault(name, (state, how))
+
+    def _period_us(self) -> int:
+        return round(US_PER_S / self._config.bus.heartbeat_rate_hz)
+
+    def _announce(self, times: int = 1) -> None:
+        """Say on the bus what is known of each child."""
+        self._announced_us = self._listener.now_us()
+        for name, child in list(self._children.items()) * times:
+            message = lcmtypes.process_t()
+            message.utime = self._announced_us
+            message.name, message.pid, message.host = name, child.pid, socket.gethostname()
+            message.supervisor_pid = os.getpid()
+            message.log_file = str(self._folder.process_log(name).absolute())
+            if child.poll() == 0 and name in DRIVERS:
+                self._note_end(name, message.FINISHED, _how(0))
+            message.state, message.ended = self._ended.get(name) or (self._state(name), "")
+            if message.state == message.DIED:
+                lines = last_lines(self._folder.process_log(name))
+                message.last_lines = "\n".join(line[:LONGEST_LINE] for line in lines)
+            self._listener.publish(PROCESS, message)
+
+
+@contextlib.contextmanager
+def supervised(config: LabConfig, folder: RunFolder, listener: Listener) -> Iterator[Supervisor]:
+    """Give a supervisor to the block and stop its children afterwards, however the block ends.
+
+    Inside, SIGTERM and the end of the terminal act like Ctrl-C, and SIGINT does so even where a
+    shell that started the command in the background had it ignored.
+    """
+    supervisor = Supervisor(config, folder, listener)
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # as `nohup` leaves it
+        numbers.append(signal.SIGHUP)
+    before = {n: signal.signal(n, _interrupt) for n in numbers}
+    try:
+        yield supervisor
+    finally:
+        for number in before:
+            signal.signal(number, signal.SIG_IGN)
+        supervisor.stop()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def start_missing(
+    supervisor: Supervisor, there: set[str], folder: RunFolder, *, resume: bool = False
+) -> None:
+    """Start the logger, and plant and onboard loop unless a robot is there; wait until ready.
+
+    With ``resume`` the logger goes on behind the log that is there.
+
+    Raises
+    ------
+    LabStateError
+        If one does not start.
+    """
+    names = ["logger"] if "onboard" in there else ["logger", "plant", "onboard"]
+    supervisor.start("logger", "--folder", folder.path, *(["--resume"] if resume else []))
+    for name in names[1:]:
+        supervisor.start(name)
+    supervisor.wait_ready(*names)
+
+
+def _note(name: str, heard: dict[str, int]) -> Callable[[lcmtypes.node_status_t], None]:
+    """Return a handler that keeps the process id of who speaks as ``name``."""
+
+    def note(status: lcmtypes.node_status_t) -> None:
+        heard[name] = status.pid
+
+    return note
+
+
+def _how(code: int) -> str:
+    """Return in words what the exit code of a child says; a negative one is a signal."""
+    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+
+
+def _nothing_said(file: Path) -> str:
+    """Return what to say of a process that left no last words in its file."""
+    if shutil.disk_usage(file.parent).free < SCARCE_BYTES:
+        return f"not a word: the disk of {file.parent} is full; make room on it"
+    return "it said nothing"
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    del number, frame
+    raise KeyboardInterrupt
+
+
+def _stop(child: subprocess.Popen[bytes]) -> bool:
+    """End a process; return whether only SIGKILL did."""
+    for number in SIGNALS:
+        if child.poll() is not None:
+            return False
+        child.send_signal(number)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            child.wait(PATIENCE_S)
+    return child.returncode == -signal.SIGKILL

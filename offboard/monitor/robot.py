@@ -1,0 +1,300 @@
+"""What is known of one robot, from its messages alone."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import lcmtypes
+from koopman_lab.bus import channels
+from koopman_lab.bus.channels import Channel
+from koopman_lab.config.load import parse_config
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import ConfigError
+from koopman_lab.units import US_PER_S
+from offboard.monitor import words
+from offboard.monitor.collected import Collected, Point
+from offboard.monitor.history import History
+from offboard.monitor.json_values import (
+    Numbers,
+    entry_row,
+    flow_row,
+    horizon,
+    number,
+    numbers,
+    progress,
+    settled,
+)
+from offboard.monitor.latest import Latest
+from offboard.monitor.liveness import REPLAY_MEMORY_S, Liveness
+from offboard.monitor.roll import ALIVE, FINISHED, SILENT, Entry, Roll
+from offboard.monitor.streams import Stream
+
+ROW_S = 0.04
+"""At least between two rows of the plots, and two points of the trail; so that each snapshot,
+every 50 ms, brings one."""
+MOST_ROWS = 2400
+"""Two minutes."""
+YOUNG_S = 1.0
+"""What is older is shown no more as what is."""
+TABLES_S = 0.5
+"""A person reads no faster."""
+
+Row = Numbers
+"""Time (s), x1, x2 (m), theta (rad), v measured, v wanted (m/s), omega measured, omega wanted
+(rad/s), value function, solve time (ms), x2 deviation from the goal (m)."""
+
+
+class _Tables(NamedTuple):
+    """What is made only every :data:`TABLES_S`, at ``now_us``."""
+
+    now_us: int
+    entries: list[Entry]
+    stale: list[tuple[Stream, float]]
+    channels: list[dict[str, Any]]
+    processes: list[dict[str, Any]]
+
+
+class RobotView:
+    """Messages in, snapshot out.
+
+    Parameters
+    ----------
+    name
+        The robot.
+    config
+        What to assume as long as no session says its configuration.
+    known
+        Whether it is no assumption, but the configuration of this very robot.
+    """
+
+    def __init__(self, name: str, config: LabConfig, *, known: bool = False) -> None:
+        self.name = name
+        self.config = config
+        self._settled = settled(config)
+        self.roll = Roll()
+        self.liveness = Liveness()
+        self.collected = Collected()
+        self.rows: History[Row] = History(MOST_ROWS)
+        self._streams: dict[str, Stream] = {}
+        self._pose = Latest(channels.MOCAP_POSE)
+        self._wheels = Latest(channels.WHEEL_STATE)
+        self._status = Latest(channels.ONBOARD_STATUS)
+        self._mpc = Latest(channels.MPC_STATE)
+        self._sampler = Latest(channels.SAMPLER_STATE)
+        self._reference = Latest(channels.REFERENCE_STATE)
+        self._info = Latest(channels.SESSION_INFO)
+        self._latest: dict[str, Latest[Any]] = {
+            kept.channel.suffix: kept
+            for kept in (
+                *(self._pose, self._wheels, self._status, self._mpc, self._reference),
+                self._info,
+            )
+        }
+        self._beats = {c.suffix: node for node, c in channels.HEARTBEATS.items()}
+        self._config_yaml = ""
+        self._config_trouble = ""
+        self._assumed = not known
+        self._heard_us: int | None = None
+        self._row_due_us = 0
+        self._tables: _Tables | None = None
+
+    def take(self, stream: Stream, channel: Channel[Any], data: bytes, arrived_us: int) -> None:
+        """Take a message of this robot, which its stream has taken before."""
+        suffix = channel.suffix
+        self._streams[suffix] = stream
+        self._note_row(arrived_us)
+        self.liveness.judge(channel, stream.utime, arrived_us)
+        kept = self._latest.get(suffix)
+        if kept is not None:
+            kept.take(data, arrived_us)
+            if kept is self._info:
+                self._learn_config()
+        elif channel is channels.SAMPLER_STATE:
+            self._sampler.take(data, arrived_us)
+            state = self._sampler.read()
+            if state is not None:
+                self.collected.see(state, self._where(arrived_us))
+        elif channel is channels.PROCESS:
+            told = Latest(channels.PROCESS)
+            told.take(data, arrived_us)
+            message = told.read()
+            if message is not None:
+                self.roll.tell(message, arrived_us)
+        elif suffix in self._beats:
+            self.roll.beat(self._beats[suffix], data, arrived_us)
+
+    def replayed(self, now_us: int) -> bool:
+        """Return whether what is heard is a log, sent again."""
+        return self.liveness.replayed(now_us)
+
+    def alive(self, now_us: int) -> bool:
+        """Return whether somebody speaks for the robot who is no log."""
+        return self.liveness.alive(now_us)
+
+    def status(self, now_us: int) -> lcmtypes.onboard_status_t | None:
+        """Return what the motor loop said last, None while it is silent."""
+        return self._status.young(now_us, YOUNG_S)
+
+    def mpc(self, now_us: int) -> lcmtypes.mpc_state_t | None:
+        """Return the controller's last step, None while it is silent."""
+        return self._mpc.young(now_us, YOUNG_S)
+
+    def entries(self, now_us: int) -> list[Entry]:
+        """Return the processes; a commander that said that it is done has finished."""
+        mpc, sampler = self._mpc.read(), self._sampler.read()
+        done = set()
+        if mpc is not None and mpc.state in (mpc.PARKED, mpc.TIME_LIMIT, mpc.FAILED):
+            done.add("controller")
+        if sampler is not None and sampler.phase == sampler.DONE:
+            done.add("sampler")
+        reference = self._reference.read()
+        if reference is not None and reference.phase == reference.DONE:
+            done.add("reference")
+        return [
+            entry._replace(state=FINISHED)
+            if entry.state == SILENT and entry.name in done
+            else entry
+            for entry in self.roll.entries(now_us)
+        ]
+
+    def snapshot(self, now_us: int) -> dict[str, Any]:
+        """Return what the page shows now, the histories left out; see :attr:`rows`."""
+        status, mpc, pose = self.status(now_us), self.mpc(now_us), self._pose.young(now_us, YOUNG_S)
+        sampler = self._sampler.young(now_us, YOUNG_S)
+        wheels = self._wheels.young(now_us, YOUNG_S)
+        replayed = self.replayed(now_us)
+        over = self.liveness.replay_over(now_us)
+        lost_view = pose is not None and not pose.tracking_valid
+        tables = self._tables_at(now_us)
+        trouble = [self._config_trouble] if self._config_trouble else []
+        return {
+            "line": self._line(now_us, tables.entries, status, mpc, sampler),
+            "banners": words.banners(tables.entries, tables.stale, lost_view=lost_view) + trouble,
+            "replay": replayed or over,
+            "steerable": not replayed and self.alive(now_us),
+            "pose": None if pose is None else numbers(pose.x1_m, pose.x2_m, pose.theta_rad),
+            # Since the camera saw it; a log's only since it was said again.
+            "pose_age_s": pose
+            and number((now_us - (self._pose.arrived_us if replayed else pose.utime)) / US_PER_S),
+            "tracked": pose is not None and bool(pose.tracking_valid),
+            "onboard": None if status is None else words.standing(status),
+            "stopped": status is not None and status.state in (status.ESTOP, status.FAULT),
+            "battery_v": None if status is None else number(status.battery_v),
+            "speeds": None if wheels is None else numbers(wheels.v_m_per_s, wheels.omega_rad_per_s),
+            "goal": None if mpc is None else numbers(*mpc.goal),
+            "driving": mpc is not None and mpc.state == mpc.DRIVING,
+            "horizon": [] if mpc is None else horizon(mpc),
+            "sampler": None if sampler is None else progress(sampler),
+            **self._settled,
+            "assumed": self._assumed,
+            "channels": tables.channels,
+            "processes": tables.processes,
+        }
+
+    def _learn_config(self) -> None:
+        info = self._info.read()
+        if info is None or info.config_yaml == self._config_yaml:
+            return
+        self._config_yaml, self._config_trouble = info.config_yaml, ""
+        try:
+            self.config = parse_config(info.config_yaml, channels.SESSION_INFO.name(self.name))
+            self._settled = settled(self.config)
+            self._assumed = False
+        except ConfigError:
+            self._config_trouble = (
+                "the session's configuration is none of this version; sets and limits shown are "
+                "those of the viewer"
+            )
+
+    def _where(self, now_us: int) -> Point | None:
+        pose = self._pose.young(now_us, YOUNG_S)
+        if pose is None or not pose.tracking_valid:
+            return None
+        x1, x2 = round(pose.x1_m, 4), round(pose.x2_m, 4)
+        return (x1, x2) if math.isfinite(x1) and math.isfinite(x2) else None
+
+    def _note_row(self, arrived_us: int) -> None:
+        """Make a row of what was known before a message that arrives, where one is due."""
+        heard_us, self._heard_us = self._heard_us, arrived_us
+        if (
+            heard_us is not None
+            and not self._row_due_us - US_PER_S <= arrived_us < self._row_due_us
+        ):
+            self._row_due_us = arrived_us + round(ROW_S * US_PER_S)
+            self.rows.append(self._row(heard_us))
+
+    def _row(self, now_us: int) -> Row:
+        pose, wheels = self._pose.young(now_us, YOUNG_S), self._wheels.young(now_us, YOUNG_S)
+        status, mpc = self.status(now_us), self.mpc(now_us)
+        row: Row = [now_us / US_PER_S]
+        if pose is not None and pose.tracking_valid:
+            row += numbers(pose.x1_m, pose.x2_m, pose.theta_rad)
+        else:
+            row += [None] * 3
+        row += [
+            number(None if wheels is None else wheels.v_m_per_s),
+            number(None if status is None else status.v_setpoint_m_per_s),
+            number(None if wheels is None else wheels.omega_rad_per_s),
+            number(None if status is None else status.omega_setpoint_rad_per_s),
+        ]
+        if mpc is not None and mpc.state == mpc.DRIVING:
+            row += numbers(mpc.value_function, mpc.solve_ms, mpc.state_in_goal_frame[1])
+        else:
+            row += [None] * 3
+        return row
+
+    def _line(
+        self,
+        now_us: int,
+        entries: list[Entry],
+        status: lcmtypes.onboard_status_t | None,
+        mpc: lcmtypes.mpc_state_t | None,
+        sampler: lcmtypes.sampler_state_t | None,
+    ) -> str:
+        silent_us = now_us - (self._heard_us or 0)
+        if self.liveness.replay_over(now_us):
+            return f"replay: over for {silent_us / US_PER_S:.0f} s"
+        if silent_us > REPLAY_MEMORY_S * US_PER_S:
+            return f"nothing heard for {silent_us / US_PER_S:.0f} s"
+        before = "replay: " if self.replayed(now_us) else ""
+        if status is not None and (held := words.held_by(status)) is not None:
+            return f"{before}stopped: {held}; it stands until it is released"
+        if mpc is not None:
+            return before + words.parking(mpc)
+        if sampler is not None:
+            return before + words.sampling(sampler)
+        reference = self._reference.young(now_us, YOUNG_S)
+        if reference is not None:
+            return before + words.referring(reference)
+        if status is not None:
+            nobody = "" if status.commander else ", nobody commands it"
+            return f"{before}{words.standing(status)}{nobody}{self._doubt()}"
+        speaking = ", ".join(entry.name for entry in entries if entry.state == ALIVE)
+        return f"{before}the motor loop is silent; heard: {speaking or 'no process'}{self._doubt()}"
+
+    def _doubt(self) -> str:
+        """Return what to add while nobody drives: a session says its configuration, a lab none."""
+        return "; size and sets as this viewer assumes" if self._assumed else ""
+
+    def _stale(self, now_us: int, entries: list[Entry]) -> list[tuple[Stream, float]]:
+        if self.liveness.replay_over(now_us):
+            return []
+        status = self.status(now_us)
+        at_rest = status is not None and status.state == status.REST and not status.commander
+        over = words.excused(entries, at_rest=at_rest)
+        return words.stale(list(self._streams.values()), self.config, over, now_us)
+
+    def _tables_at(self, now_us: int) -> _Tables:
+        made = self._tables
+        if made is None or not 0 <= now_us - made.now_us < TABLES_S * US_PER_S:
+            entries = self.entries(now_us)
+            stale = self._stale(now_us, entries)
+            names = {stream.name for stream, _ in stale}
+            flows = [
+                flow_row(stream.flow(now_us, self.config)) | {"stale": stream.name in names}
+                for stream in sorted(self._streams.values(), key=lambda stream: stream.name)
+            ]
+            rows = [entry_row(entry) for entry in entries]
+            made = self._tables = _Tables(now_us, entries, stale, flows, rows)
+        return made

@@ -1,0 +1,89 @@
+"""A claim of the paper: numbers of ours, a rule for each, and the verdict that follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from koopman_lab.errors import DataError
+from offboard.reproduction.paper.found import Found
+from offboard.reproduction.paper.verdict import Rule, Verdict, number, worst
+
+
+@dataclass(frozen=True)
+class Part:
+    """One number of a claim: its name, unit, the rule it must meet, and how it is read."""
+
+    name: str
+    unit: str
+    rule: Rule
+    of: Callable[[Found], float]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What the paper says.
+
+    Attributes
+    ----------
+    name
+        Stable, for tables.
+    section
+        Of the paper.
+    says
+        The sentence in our own words.
+    paper
+        The paper's number; empty where it prints none.
+    parts
+        All must hold.
+    remark
+        What to know when comparing; no verdict follows from it.
+    """
+
+    name: str
+    section: str
+    says: str
+    paper: str
+    parts: Sequence[Part]
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A claim with its verdict.
+
+    ``numbers`` are ours in words, a line each; ``weakest`` is the one that decided; ``rules`` what
+    it takes to hold; ``steps`` where the numbers were read.
+    """
+
+    claim: Claim
+    verdict: Verdict
+    numbers: Sequence[str]
+    weakest: str
+    rules: Sequence[str]
+    steps: Sequence[str]
+
+
+def judge(claim: Claim, found: Found) -> Judged:
+    """Return the verdict that follows from the numbers; a missing number is no verdict."""
+    found.asked.clear()
+    verdicts, numbers = [], []
+    for part in claim.parts:
+        try:
+            value = part.of(found)
+        except DataError as error:
+            verdicts.append(Verdict.UNKNOWN)
+            numbers.append(f"{part.name}: {error}")
+            continue
+        verdicts.append(part.rule.judge(value))
+        numbers.append(f"{part.name}: {number(value, part.unit)}")
+    rules: dict[str, list[str]] = {}
+    for part in claim.parts:
+        rules.setdefault(part.rule.words(part.unit), []).append(part.name)
+    if len(rules) == 1:
+        words = list(rules)
+    else:
+        words = [f"{', '.join(names)}: {rule}" for rule, names in rules.items()]
+    verdict = worst(verdicts)
+    weakest = numbers[verdicts.index(verdict)]
+    return Judged(claim, verdict, numbers, weakest, words, tuple(found.asked))

@@ -1,0 +1,1 @@
+"""What a person types and sees at a terminal: options, messages, progress."""

@@ -1,0 +1,114 @@
+"""What a person sees: messages, and progress as a bar on a terminal or as plain lines."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+if TYPE_CHECKING:
+    from koopman_lab.eventlog.eventlog import Damage
+
+out = Console(highlight=False, soft_wrap=True)
+err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+PLAIN_PERIOD_S = 10.0
+"""Without a terminal a line this often, and at the end."""
+SPEED_PERIOD_S = 300.0
+"""Time left is judged by what was done in this time: segments of a session come 11 s apart."""
+
+
+def show_damage(file: Path, damage: Sequence[Damage]) -> None:
+    """Say how much of a log was passed over, if anything was."""
+    if damage:
+        err.print(f"{file}: {sum(d.size for d in damage)} damaged bytes passed over")
+
+
+class Report(Protocol):
+    """Takes how far the work is."""
+
+    def __call__(self, done: float, total: float, note: str = "") -> None:
+        """Show ``done`` of ``total`` and a few words."""
+
+
+@contextlib.contextmanager
+def progress(what: str, unit: str = "") -> Iterator[Report]:
+    """Show the progress of long work inside the block: how much is done, and the time left.
+
+    Parameters
+    ----------
+    what
+        Is being done.
+    unit
+        Of how much.
+    """
+    if err.is_terminal:
+        with _bar(what, unit) as report:
+            yield report
+    else:
+        yield _Lines(what, unit)
+
+
+@contextlib.contextmanager
+def _bar(what: str, unit: str) -> Iterator[Report]:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn(unit),
+        TextColumn("{task.fields[note]}"),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+    )
+    with Progress(*columns, console=err, speed_estimate_period=SPEED_PERIOD_S) as bar:
+        task, began = bar.add_task(what, total=None, note=""), False
+
+        def report(done: float, total: float, note: str = "") -> None:
+            nonlocal began
+            if not began:
+                # What was done before, in a session that goes on, says nothing of the speed.
+                bar.update(task, completed=done)
+                bar.reset(task)
+                began = True
+            bar.update(task, completed=done, total=total, note=note)
+
+        yield report
+
+
+@contextlib.contextmanager
+def status_line() -> Iterator[Callable[[str], None]]:
+    """Give a function that shows a line in place of the last one; silent without a terminal."""
+    if err.is_terminal:
+        with err.status("") as line:
+            yield line.update
+    else:
+        yield lambda _: None
+
+
+class _Lines:
+    def __init__(self, what: str, unit: str) -> None:
+        self._what = what
+        self._unit = unit
+        self._began: tuple[float, float] | None = None
+        self._next_s = 0.0
+        self._ended = False
+
+    def __call__(self, done: float, total: float, note: str = "") -> None:
+        now_s = time.monotonic()
+        if self._began is None:
+            self._began = now_s, done
+        began_s, before = self._began
+        ends = done >= total and not self._ended
+        if now_s >= self._next_s or ends:
+            self._next_s = now_s + PLAIN_PERIOD_S
+            self._ended = self._ended or ends
+            words = [f"{self._what}: {done:g} of {total:g} {self._unit}".rstrip(), note]
+            if before < done < total:
+                left_s = round((total - done) * (now_s - began_s) / (done - before))
+                words.append(f"about {left_s // 60}:{left_s % 60:02d} min left")
+            err.print(", ".join(filter(None, words)))

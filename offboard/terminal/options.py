@@ -1,0 +1,214 @@
+"""Options that several commands share, and what they make together: a configuration."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from koopman_lab.config.load import load_config
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.values import RobotKind
+from koopman_lab.errors import DataError
+from koopman_lab.geometry.planar import Pose, wrap_angle
+
+if TYPE_CHECKING:
+    from koopman_lab.bus.realtime import Listener
+
+
+class RobotName(str, Enum):
+    """Choices of ``--robot``."""
+
+    kinematic = "kinematic"
+    dynamic = "dynamic"
+
+
+class PresetName(str, Enum):
+    """Choices of ``--preset``."""
+
+    lab = "lab"
+    ideal = "ideal"
+    harsh = "harsh"
+
+
+class ShapeName(str, Enum):
+    """Choices of ``--shape``."""
+
+    infinity = "infinity"
+    square = "square"
+
+
+ConfigFile = Annotated[
+    Path | None,
+    typer.Option("--config", metavar="FILE", help="YAML file with any part of the configuration."),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Override one key, e.g. controller.horizon=40."
+    ),
+]
+Robot = Annotated[
+    RobotName | None,
+    typer.Option("--robot", help="Which robot (kinematic, unless --config says it)."),
+]
+RobotsName = Annotated[
+    str | None,
+    typer.Option(
+        "--robot-name",
+        metavar="NAME",
+        help="Prefix of its channels (R1); robots with different names share a bus.",
+    ),
+]
+Preset = Annotated[PresetName, typer.Option("--preset", help="Which plant stands in for hardware.")]
+Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of draws and noise.")]
+Url = Annotated[
+    str | None, typer.Option("--url", help="LCM bus; default: LCM_DEFAULT_URL, then bus.url.")
+]
+ModelFile = Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")]
+Start = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option("--start", metavar="X Y THETA", help="m, m, degrees; default as the paper."),
+]
+Goal = Annotated[
+    tuple[float, float, float],
+    typer.Option("--goal", metavar="X Y THETA", help="Goal pose: m, m, degrees."),
+]
+ReferenceShape = Annotated[ShapeName, typer.Option("--shape", help="Shape of the runs.")]
+Out = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Run folder; default runs/<stamp>-<what>."),
+]
+InLockstep = Annotated[
+    bool, typer.Option("--lockstep", help="All in one process on virtual time, as fast as it goes.")
+]
+Window = Annotated[
+    int | None,
+    typer.Option("--window", min=1, help="Smoothing window of velocities, frames."),
+]
+SamplingTime = Annotated[
+    float | None, typer.Option("--dt", metavar="S", help="Sampling time of the model, s.")
+]
+ModelsAndRuns = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="MODEL... RUN...",
+        help="Models (.npz, from `klab train`) and sessions of `klab reference`.",
+    ),
+]
+Steps = Annotated[
+    int, typer.Option("--steps", min=1, max=100, help="How many sampling times to predict.")
+]
+Dictionary = Annotated[
+    str | None,
+    typer.Option(
+        "--dictionary",
+        metavar="D",
+        help="D5t, D6Eul, D7m, D8Eul, D10m, D13t, D12f, or expressions: '1, x1, x2, theta, ...'.",
+    ),
+]
+Salvage = Annotated[
+    bool, typer.Option("--salvage", help="Use every intact event of a damaged log.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
+
+
+def resolve(
+    config: Path | None,
+    overrides: Sequence[str] | None,
+    robot: RobotKind | None,
+    preset: PresetName = PresetName.lab,
+    seed: int | None = None,
+    url: str | None = None,
+    robot_name: str | None = None,
+) -> LabConfig:
+    """Return the configuration that a command's options ask for.
+
+    Raises
+    ------
+    ConfigError
+        If it is not valid.
+    """
+    wanted = list(overrides or ())
+    if seed is not None:
+        wanted.append(f"seed={seed}")
+    if robot_name is not None:
+        wanted.append(f"robot.name={robot_name}")
+    if url is not None:
+        wanted.append(f"bus.url={url}")
+    return load_config(
+        config,
+        robot=robot,
+        preset=preset.value,
+        bus_url=os.environ.get("LCM_DEFAULT_URL"),
+        overrides=wanted,
+    )
+
+
+def listen(config: LabConfig) -> Listener:
+    """Open the bus, before a command leaves any trace on the disk.
+
+    Raises
+    ------
+    BusError
+        If it cannot be opened.
+    """
+    from koopman_lab.bus.realtime import Listener
+
+    return Listener(config)
+
+
+def kind_of(robot: RobotName | None) -> RobotKind | None:
+    """Return the robot's kind that ``--robot`` names."""
+    return None if robot is None else robot.value
+
+
+def pose_of(typed: tuple[float, float, float]) -> Pose:
+    """Return a pose (m, m, rad) from what a person types (m, m, degrees)."""
+    x1, x2, theta_deg = typed
+    return Pose(x1, x2, wrap_angle(math.radians(theta_deg)))
+
+
+def parse_windows(text: str) -> list[int]:
+    """Return the windows that a person typed.
+
+    Raises
+    ------
+    DataError
+        If they are no whole numbers above 0.
+    """
+    try:
+        windows = [int(word) for word in text.split(",")]
+    except ValueError:
+        windows = [0]
+    if min(windows) < 1:
+        raise DataError(
+            f"--windows {text}: whole numbers of frames from 1 on, with commas between them, "
+            "for example --windows 1,10,40"
+        )
+    return windows
+
+
+def parse_factors(text: str) -> list[float]:
+    """Return the factors that a person typed.
+
+    Raises
+    ------
+    DataError
+        If they are no numbers above 0, or 1 is not among them.
+    """
+    try:
+        factors = [float(word) for word in text.split(",")]
+    except ValueError:
+        factors = []
+    if 1.0 not in factors or not all(0.0 < factor < math.inf for factor in factors):
+        raise DataError(
+            f"--factors {text}: numbers above 0 with commas between them, 1 among them, "
+            "for example --factors 0.1,1,10"
+        )
+    return factors

@@ -1,0 +1,104 @@
+"""Every row of the table of faults (`klab bench faults`), with the real nodes in lockstep."""
+
+import io
+from dataclasses import asdict
+from typing import get_args
+
+import pytest
+from klab import klab, klab_json, klab_ok
+from rich.console import Console
+
+from koopman_lab.config.load import load_config
+from koopman_lab.config.robot_side import Fault, FaultKind
+from offboard.bench.faults.scenarios import SCENARIOS, Scenario
+from offboard.bench.faults.strikes import Inject
+from offboard.bench.faults.table import Row, as_table, suffer
+
+ROWS = pytest.mark.parametrize(
+    ("robot", "scenario"),
+    [
+        pytest.param(robot, scenario, id=f"{robot}, {scenario.name}, {scenario.activity}")
+        for scenario in SCENARIOS
+        for robot in scenario.robots
+    ],
+)
+REFUSED = {
+    "command that is no number": {"value": 1},
+    "command of 5 s ago once more": {"stale": 1},
+}
+DRIVES_ON_M = 0.3
+"""Way that a robot that drives on has made by the end: most make twice as much."""
+
+
+@ROWS
+def test_the_robot_stops_in_time_or_drives_on_and_the_operator_is_told(robot, scenario):
+    config = load_config(robot=robot)
+    row = suffer(scenario, config)
+    came = iter(row.states)
+    assert all(state in came for state in scenario.states), row.states
+    assert row.latched is scenario.states[-1].startswith(("FAULT", "ESTOP"))
+    assert scenario.told in row.told
+    if scenario.bound is None:
+        assert row.stood_after_s is None
+        assert row.session == "goes on"
+        assert row.rolled_m > DRIVES_ON_M
+    else:
+        assert row.stood_after_s is not None
+        assert row.stood_after_s <= row.bound_s
+        assert row.session != "goes on"
+        assert bool(row.told) is bool(scenario.told)
+    if scenario.name in REFUSED:
+        assert row.refused == REFUSED[scenario.name]
+
+
+def test_every_kind_of_fault_is_in_the_table():
+    struck = {s.strike.fault.kind for s in SCENARIOS if isinstance(s.strike, Inject)}
+    assert struck == set(get_args(FaultKind))
+
+
+def test_a_scenario_ends_the_same_way_each_time():
+    scenario = next(s for s in SCENARIOS if "half of all messages" in s.name)
+    config = load_config(overrides=["controller.horizon=20"])
+    assert asdict(suffer(scenario, config)) == asdict(suffer(scenario, config))
+
+
+def test_only_a_fault_that_is_there_stops_the_robot():
+    """The measure itself: nothing wrong, and the robot is not said to stand."""
+    nothing = Scenario("nothing", Inject(Fault(kind="radio_cut", duration_s=0.0)), ("DRIVING",))
+    row = suffer(nothing, load_config(overrides=["controller.horizon=20"]))
+    assert row.states == ("DRIVING",)
+    assert (row.stood_after_s, row.session, row.refused) == (None, "goes on", {})
+
+
+def test_bench_faults_as_json_and_as_a_table():
+    (row,) = klab_json("bench", "faults", "--only", "command of 5 s ago")
+    assert row["refused"] == {"stale": 1}
+    assert row["stood_after_s"] is None
+    printed = klab_ok("bench", "faults", "--only", "sampler dies", "--robot", "dynamic")
+    assert "faults of the dynamic robot" in printed
+
+
+def test_the_table_cuts_no_word_off_in_a_narrow_terminal():
+    scenario = next(s for s in SCENARIOS if s.activity == "calibrate" and "stalled" in s.name)
+    told = "R1_ONBOARD_STATUS: the robot is stopped (right wheel stuck); `klab estop --release`"
+    states = ("DRIVING", "FAULT RIGHT_WHEEL_STUCK")
+    row = Row(
+        *(scenario.name, scenario.activity, states, {"stopped": 76}, True),
+        *(0.14, 0.57, 0.011, 9.0, "has ended", told),
+    )
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(as_table([row], "kinematic"))
+    printed = console.export_text()
+    assert "…" not in printed
+    for word in ("RIGHT_WHEEL_STUCK;", "R1_ONBOARD_STATUS:", "--release`", "calibrate"):
+        assert word in printed
+    assert max(map(len, printed.splitlines())) <= 80
+
+
+def test_planned_faults_strike_without_a_message(tmp_path):
+    """In lockstep too, a session that cannot go on ends and says why."""
+    planned = "faults=[{kind: motor_stalled, wheel: right, at_s: 3}]"
+    done = klab("calibrate", "--lockstep", "--set", planned, "--out", tmp_path / "session")
+    assert done.returncode == 2
+    assert "the robot is stopped (right wheel stuck)" in done.stderr
+    assert "klab estop --release" in done.stderr

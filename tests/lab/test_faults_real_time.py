@@ -1,0 +1,153 @@
+"""The five worst faults over real UDP: processes killed without a word, radio, emergency stop."""
+
+import os
+import signal
+
+import pytest
+from klab import MODEL, SMALL_AREA, alive, klab_ok, start_klab
+
+from koopman_lab.bus.channels import HEARTBEATS, PLANT_TRUTH
+from koopman_lab.bus.realtime import Listener
+from koopman_lab.config.load import load_config
+from offboard.bench.faults.bounds import by_driver, by_estop, by_watchdog
+from offboard.bench.faults.stage import Sight, is_at_rest
+
+FAST_M_PER_S = 0.2
+LIMIT_S = 40.0
+"""A session has to drive, and later to end, within this time."""
+BUSY_S = 0.25
+"""What other processes on the machine may hold a message up, on top of the bound."""
+WAIT_S = 0.05
+SHORT_PAUSE = ("--set", "controller.pause_limit_s=0.5")
+PARK = ("--start", "-1.2", "0.2", "0", "--set", "controller.horizon=20", *SHORT_PAUSE)
+
+
+class Witness:
+    """Sees the true robot and who is alive."""
+
+    def __init__(self, url):
+        self.config = load_config(overrides=[f"bus.url={url}"])
+        self.listener = Listener(self.config)
+        self.sights = []
+        self.cut_us = None
+        self.pids = {}
+        self.listener.subscribe(PLANT_TRUTH, self._see)
+        for name, channel in HEARTBEATS.items():
+            self.listener.subscribe(channel, lambda m, name=name: self.pids.update({name: m.pid}))
+
+    def _see(self, t):
+        self.sights.append(Sight.of(t))
+        if t.faults and self.cut_us is None:
+            self.cut_us = t.utime
+
+    def wait(self, condition):
+        end_us = self.listener.now_us() + LIMIT_S * 1e6
+        while not condition():
+            self.listener.spin(WAIT_S)
+            assert self.listener.now_us() < end_us, "did not happen in time"
+
+    def wait_until_fast(self, session):
+        """Wait until a session drives the robot fast; if it never does, quote the session."""
+        end_us = self.listener.now_us() + LIMIT_S * 1e6
+        while not any(sight.v_m_per_s > FAST_M_PER_S for sight in self.sights[-10:]):
+            self.listener.spin(WAIT_S)
+            if session.poll() is not None or self.listener.now_us() > end_us:
+                session.kill()
+                pytest.fail(f"does not drive: {session.communicate()[0]}")
+
+    def kill(self, name):
+        self.wait(lambda: name in self.pids)
+        os.kill(self.pids[name], signal.SIGKILL)
+        return self.listener.now_us()
+
+    def end_of(self, process):
+        """Wait for the end of a session; return its exit code and what it said."""
+        self.wait(lambda: process.poll() is not None)
+        said, _ = process.communicate()
+        return process.returncode, said
+
+    def moved_for_s(self, struck_us):
+        """Return how long the robot went on moving, after watching it stand for a while."""
+        seen = len(self.sights)
+        self.wait(lambda: len(self.sights) >= seen + 50)
+        return max((s.utime - struck_us) * 1e-6 for s in self.sights if not is_at_rest(s))
+
+
+@pytest.fixture
+def witness(bus_url):
+    """Run a robot that no session owns: it stays when the session has ended."""
+    witness = Witness(bus_url)
+    robot = [start_klab("run", name) for name in ("plant", "onboard")]
+    try:
+        witness.wait(lambda: {"plant", "onboard"} <= witness.pids.keys())
+        yield witness
+    finally:
+        for process in robot:
+            process.terminate()
+            process.communicate(timeout=30)
+    assert not [name for name, pid in witness.pids.items() if alive(pid)]
+
+
+@pytest.fixture
+def start(witness, tmp_path):
+    """Start a session and wait until it drives the robot fast; it ends with the test."""
+    started = []
+
+    def begin(*arguments):
+        started.append(start_klab(*arguments, "--out", tmp_path / "run"))
+        witness.wait_until_fast(started[-1])
+        return started[-1]
+
+    yield begin
+    for process in started:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def test_the_controller_is_killed_while_parking(witness, start):
+    session = start("park", "--model", MODEL, *PARK)
+    struck_us = witness.kill("controller")
+    code, said = witness.end_of(session)
+    assert (code, said.count("klab: ")) == (2, 1)
+    assert "controller died (signal SIGKILL)" in said
+    assert witness.moved_for_s(struck_us) <= by_watchdog(witness.config) + BUSY_S
+
+
+def test_the_sampler_is_killed_while_calibrating(witness, start):
+    session = start("calibrate", "--segments", "1", *SMALL_AREA)
+    struck_us = witness.kill("sampler")
+    code, said = witness.end_of(session)
+    assert (code, said.count("klab: ")) == (2, 1)
+    assert "sampler died (signal SIGKILL)" in said
+    assert witness.moved_for_s(struck_us) <= by_watchdog(witness.config) + BUSY_S
+
+
+def test_the_onboard_loop_is_killed_while_calibrating(witness, start):
+    """Nobody is left who could set the motors to zero but their drivers."""
+    session = start("calibrate", "--segments", "1", *SMALL_AREA, *SHORT_PAUSE)
+    struck_us = witness.kill("onboard")
+    code, said = witness.end_of(session)
+    assert (code, said.count("klab: ")) == (2, 1)
+    assert "R1_ONBOARD_STATUS: silent" in said
+    assert witness.moved_for_s(struck_us) <= by_driver(witness.config) + BUSY_S
+
+
+def test_the_radio_is_cut_while_parking(witness, start):
+    session = start("park", "--model", MODEL, *PARK)
+    assert klab_ok("fault", "radio-cut", "--duration-s", "inf") == ""
+    code, said = witness.end_of(session)
+    assert code == 1
+    assert "not parked (onboard loop silent)" in said
+    assert witness.moved_for_s(witness.cut_us) <= by_watchdog(witness.config) + BUSY_S
+
+
+def test_the_emergency_stop_while_calibrating(witness, start):
+    session = start("calibrate", "--segments", "1", *SMALL_AREA)
+    klab_ok("estop")
+    confirmed_us = witness.listener.now_us()
+    code, said = witness.end_of(session)
+    assert (code, said.count("klab: ")) == (2, 1)
+    assert "the robot is stopped (emergency stop)" in said
+    assert "klab estop --release" in said
+    assert witness.moved_for_s(confirmed_us) <= by_estop(witness.config) + BUSY_S

@@ -1,0 +1,43 @@
+"""Pieces that several tests drive the real components with."""
+
+from koopman_lab.bus import channels
+from koopman_lab.bus.lockstep import Lockstep
+from koopman_lab.config.load import load_config
+from koopman_lab.geometry.planar import Pose
+from offboard.desk.commander import Commands
+from onboard.motor_loop.node import OnboardNode
+from onboard.plant.node import PlantNode
+
+
+class Script:
+    """Commands the same input all the time."""
+
+    name = "controller"
+
+    def __init__(self, config, u):
+        self._config, self._u = config, u
+
+    def attach(self, port):
+        self._port = port
+        self._commands = Commands(port, self._config, 2)
+        self.first_us = None
+        port.subscribe(channels.MOTOR_CMD, lambda _: None)
+        port.every(1.0 / self._config.controller.dt_s, self._tick)
+
+    def _tick(self, tick_us):
+        self._commands.send(self._u, tick_us)
+
+    def close(self):
+        pass
+
+
+def ideal_run(robot: str, u: tuple[float, float], seconds: float) -> tuple[Pose, float]:
+    """Drive the ideal plant through the real onboard loop; return pose and seconds of motion."""
+    config = load_config(robot=robot, preset="ideal")
+    lockstep, plant = Lockstep(config), PlantNode(config)
+    for node in (plant, OnboardNode(config), Script(config, u)):
+        lockstep.add(node)
+    lockstep.run(seconds)
+    plant.plant.advance(lockstep.now_us)
+    # The command sent at time 0 reaches the motors in the onboard tick 10 ms later.
+    return plant.plant.pose, seconds - 0.01
