@@ -28,7 +28,7 @@ def _header_reader(message_type: Any) -> HeaderReader:
             return None
         return unpack(data)
 
-    def read_whole(data: bytes) -> tuple[int, int] | None:
+    def read_rotated_log(data: bytes) -> tuple[int, int] | None:
         if len(data) < smallest:
             return None
         try:
@@ -37,7 +37,7 @@ def _header_reader(message_type: Any) -> HeaderReader:
             return None
         return message.utime, message.sequence
 
-    return read if _has_fixed_size(message_type) else read_whole
+    return read if _has_fixed_size(message_type) else read_rotated_log
 
 
 header_reader: Callable[[Any], HeaderReader] = cache(_header_reader)

@@ -15,7 +15,7 @@ from typing import Any
 
 from koopman_lab.bus.channels import Channel, M
 from koopman_lab.bus.node import Node
-from koopman_lab.bus.port import BasePort, Taker
+from koopman_lab.bus.port import BasePort, Deliver
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 
@@ -51,7 +51,7 @@ class LockstepPort(BasePort):
             for order, receive in listeners:
                 push(now_us, order, receive, data)
 
-    def later(self, at_us: int, take: Taker, data: bytes) -> None:
+    def later(self, at_us: int, take: Deliver, data: bytes) -> None:
         """Hand over a message at ``at_us`` among this node's others."""
         self._runner.push(at_us, self._order, take, data)
 
@@ -80,7 +80,7 @@ class Lockstep:
         self._config = config
         self._nodes: list[Node] = []
         self._ports: list[LockstepPort] = []
-        self.routes: dict[str, list[tuple[int, Taker]]] = {}
+        self.routes: dict[str, list[tuple[int, Deliver]]] = {}
         """By channel name: the order of each node that listens, and what hands it a message."""
         # Apart, because most messages come at once, past all the timers that wait.
         self._messages: list[tuple[int, int, int, Any, bytes]] = []
@@ -95,7 +95,7 @@ class Lockstep:
         port.attach(node)
         self._nodes.append(node)
         self._ports.append(port)
-        for name in port.inlets:
+        for name in port.subscriptions:
             self.routes.setdefault(name, []).append((order, port.receiver(name)))
         for timer in port.timers:
             timer.start(self.now_us)
@@ -110,7 +110,7 @@ class Lockstep:
         """Send bytes as if somebody outside the nodes had sent them now."""
         self._outsider().send(name, data)
 
-    def push(self, at_us: int, order: int, take: Taker, data: bytes) -> None:
+    def push(self, at_us: int, order: int, take: Deliver, data: bytes) -> None:
         """Hand a message over at ``at_us``, among the others of one node."""
         item = (at_us, 2 * order + MESSAGE, next(self._sequence), take, data)
         heapq.heappush(self._messages, item)

@@ -8,16 +8,16 @@ from functools import partial
 
 import lcmtypes
 from koopman_lab.bus.channels import ABOARD, FAULT, HEARTBEATS, PLANT_RESET, Channel, M, Message
-from koopman_lab.bus.inlet import Inlet
 from koopman_lab.bus.node import Node, RawHandler, Tick
+from koopman_lab.bus.subscription import Subscription
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.emulation.clock import DriftingClock
+from koopman_lab.emulation.drifting_clock import DriftingClock
 from koopman_lab.emulation.faults import Faults, fault_of
 from koopman_lab.emulation.radio import RadioPair, radio_pair
 from koopman_lab.emulation.wire import Wire
 from koopman_lab.units import US_PER_S
 
-Taker = Callable[[bytes, int], None]
+Deliver = Callable[[bytes, int], None]
 """Called with the bytes of a message and the time in us."""
 
 
@@ -66,7 +66,7 @@ class Timer:
         self.deadline_us = self._start_us + round(index * self._period_us)
 
 
-class Outlet:
+class Publication:
     """One channel that a node speaks on."""
 
     def __init__(self, name: str, by_radio: bool) -> None:
@@ -92,14 +92,14 @@ class BasePort(ABC):
 
     def __init__(self, node_name: str, config: LabConfig, process: int, start_us: int) -> None:
         self.robot_name = config.robot.name
-        self.inlets: dict[str, Inlet] = {}
+        self.subscriptions: dict[str, Subscription] = {}
         """By channel name."""
         self.timers: list[Timer] = []
         self.finished = False
         self.worst_lateness_us = 0
         self._node_name = node_name
         self.process = process
-        self._outlets: dict[str, Outlet] = {}
+        self._publications: dict[str, Publication] = {}
         self._heartbeat_rate_hz = config.bus.heartbeat_rate_hz
         self._radio: RadioPair | None = None
         self._clock: DriftingClock | None = None
@@ -123,7 +123,7 @@ class BasePort(ABC):
         """Put an encoded message on the bus."""
 
     @abstractmethod
-    def later(self, at_us: int, take: Taker, data: bytes) -> None:
+    def later(self, at_us: int, take: Deliver, data: bytes) -> None:
         """Hand over a message at ``at_us`` or, in real time, as soon after as it can."""
 
     def attach(self, node: Node) -> None:
@@ -133,19 +133,19 @@ class BasePort(ABC):
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message with the next sequence number of its channel."""
-        outlet = self._outlets.get(channel.suffix) or self._open(channel)
-        message.sequence = outlet.next_sequence
-        outlet.next_sequence += 1
-        if outlet.by_radio:
-            self._transmit(outlet.name, message)
-        elif outlet.name in self.audience:
-            self.send(outlet.name, message.encode())
+        publication = self._publications.get(channel.suffix) or self._open(channel)
+        message.sequence = publication.next_sequence
+        publication.next_sequence += 1
+        if publication.by_radio:
+            self._transmit(publication.name, message)
+        elif publication.name in self.audience:
+            self.send(publication.name, message.encode())
 
-    def _open(self, channel: Channel[M]) -> Outlet:
+    def _open(self, channel: Channel[M]) -> Publication:
         by_radio = self._radio is not None and not channel.wired
-        outlet = Outlet(channel.name(self.robot_name), by_radio)
-        self._outlets[channel.suffix] = outlet
-        return outlet
+        publication = Publication(channel.name(self.robot_name), by_radio)
+        self._publications[channel.suffix] = publication
+        return publication
 
     def _transmit(self, name: str, message: Message) -> None:
         assert self._radio is not None
@@ -167,18 +167,18 @@ class BasePort(ABC):
 
         A message is decoded once, however many handlers a node has for its channel.
         """
-        self._inlet(channel).handlers.append(handler)
+        self._subscription(channel).handlers.append(handler)
 
     def subscribe_raw(self, channel: Channel[M], handler: RawHandler) -> None:
         """Call ``handler`` with every message of a channel as bytes."""
-        self._inlet(channel).raw_handlers.append(handler)
+        self._subscription(channel).raw_handlers.append(handler)
 
-    def _inlet(self, channel: Channel[M]) -> Inlet:
+    def _subscription(self, channel: Channel[M]) -> Subscription:
         name = channel.name(self.robot_name)
-        inlet = self.inlets.get(name)
-        if inlet is None:
+        subscription = self.subscriptions.get(name)
+        if subscription is None:
             wired_end = channel.wired and self._node_name in (ABOARD, "plant")
-            inlet = self.inlets[name] = Inlet(
+            subscription = self.subscriptions[name] = Subscription(
                 name,
                 channel.type,
                 self._clock,
@@ -187,7 +187,7 @@ class BasePort(ABC):
                 by_hand=channel in (FAULT, PLANT_RESET),
                 restamped=channel.wired,
             )
-        return inlet
+        return subscription
 
     def every(self, rate_hz: float, tick: Tick) -> None:
         """Call ``tick`` at absolute deadlines.
@@ -206,27 +206,33 @@ class BasePort(ABC):
     @property
     def undecodable(self) -> int:
         """Return how many messages could not be decoded."""
-        return sum(inlet.undecodable for inlet in self.inlets.values())
+        return sum(subscription.undecodable for subscription in self.subscriptions.values())
 
     def lost_messages(self) -> dict[str, int]:
         """Return, by channel name, how many messages the sequence numbers show missing."""
-        return {name: inlet.counter.lost for name, inlet in self.inlets.items()}
+        return {
+            name: subscription.counter.lost for name, subscription in self.subscriptions.items()
+        }
 
-    def receiver(self, name: str) -> Taker:
+    def receiver(self, name: str) -> Deliver:
         """Return what takes a channel's messages off the bus.
 
         The radio may bring one to the node later, twice, or never.
         """
-        inlet = self.inlets[name]
-        return partial(self._receive_by_radio, inlet) if inlet.by_radio else inlet.receive
+        subscription = self.subscriptions[name]
+        return (
+            partial(self._receive_by_radio, subscription)
+            if subscription.by_radio
+            else subscription.receive
+        )
 
-    def _receive_by_radio(self, inlet: Inlet, data: bytes, sent_us: int) -> None:
+    def _receive_by_radio(self, subscription: Subscription, data: bytes, sent_us: int) -> None:
         assert self._radio is not None
         for at_us in self._radio.to_robot.arrivals(sent_us, self._faults.at(sent_us).loss):
             if at_us <= sent_us:
-                inlet.receive(data, at_us)
+                subscription.receive(data, at_us)
             else:
-                self.later(at_us, inlet.receive, data)
+                self.later(at_us, subscription.receive, data)
 
     def _on_fault(self, message: lcmtypes.fault_t) -> None:
         fault = fault_of(message)

@@ -20,7 +20,7 @@ from koopman_lab.bus.channels import Channel, M
 from koopman_lab.bus.multicast import drain, open_lcm, subscribe
 from koopman_lab.bus.node import Node, RawHandler
 from koopman_lab.bus.pacing import TickTimes
-from koopman_lab.bus.port import BasePort, Taker
+from koopman_lab.bus.port import BasePort, Deliver
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 
@@ -50,7 +50,7 @@ class RealtimePort(BasePort):
     def __init__(self, node_name: str, config: LabConfig, bus: lcm.LCM) -> None:
         self._bus_clock = Clock()
         super().__init__(node_name, config, os.getpid(), self.bus_us())
-        self._pending: list[tuple[int, int, Taker, bytes]] = []
+        self._pending: list[tuple[int, int, Deliver, bytes]] = []
         self._pushed = count()
         self.bus = bus
 
@@ -62,7 +62,7 @@ class RealtimePort(BasePort):
         """Publish."""
         self.bus.publish(name, data)
 
-    def later(self, at_us: int, take: Taker, data: bytes) -> None:
+    def later(self, at_us: int, take: Deliver, data: bytes) -> None:
         """Hand over a message when the loop next finds it due."""
         heapq.heappush(self._pending, (at_us, next(self._pushed), take, data))
 
@@ -81,7 +81,7 @@ class RealtimePort(BasePort):
 
     def listen(self) -> None:
         """Subscribe at LCM to every channel that has a handler; call once, after attaching."""
-        for name in self.inlets:
+        for name in self.subscriptions:
             self.hear(name)
 
     def hear(self, name: str) -> None:
@@ -241,7 +241,7 @@ class Listener:
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
         """Call ``handler`` with every message of a channel."""
         name = channel.name(self._port.robot_name)
-        known = name in self._port.inlets
+        known = name in self._port.subscriptions
         self._port.subscribe(channel, handler)
         if not known:
             self._port.hear(name)

@@ -13,7 +13,7 @@ from koopman_lab.config.values import RobotKind
 from koopman_lab.data.processing import pair, states
 from koopman_lab.data.segments import Run, Segment
 from koopman_lab.errors import DataError
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 from koopman_lab.units import US_PER_S
 
 LARGEST_RATE_ERROR = 0.1

@@ -23,7 +23,7 @@ from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import DataError
 from koopman_lab.files import replacing, replacing_folder, write_json
 from koopman_lab.geometry.planar import TAU, wrap_angle
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 
 Array = NDArray[np.float64]
 HEADER = "dataset.json"

@@ -20,7 +20,7 @@ from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.recording import recording
 from koopman_lab.errors import DataError
 from koopman_lab.files import replacing
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 
 FORMAT = 1
 """Version of the file; raised when its meaning changes."""

@@ -16,12 +16,12 @@ from koopman_lab.bus.header import smallest_size
 from koopman_lab.bus.sequence import LARGEST_GAP, LATEST, SequenceCounter
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.data.wire import StructuredArray, decode_all, decode_each
+from koopman_lab.data.message_arrays import StructuredArray, decode_all, decode_each
 from koopman_lab.errors import BusError, ConfigError, LogError
 from koopman_lab.eventlog.eventlog import Damage
 from koopman_lab.eventlog.index import index_files
 from koopman_lab.eventlog.logwriter import parts
-from koopman_lab.eventlog.messages import Messages
+from koopman_lab.eventlog.message_blocks import Messages
 from koopman_lab.units import US_PER_S
 
 LOG_NAME = "session.lcm"

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from koopman_lab.bus.channels import Channel, split_name
-from koopman_lab.bus.plain import flat, json_schema, plain
+from koopman_lab.bus.message_values import flat, json_schema, plain
 from koopman_lab.errors import BusError, LogError
 from koopman_lab.eventlog.eventlog import Event
 from koopman_lab.files import replacing, replacing_folder

@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lcmtypes
+from koopman_lab.data.message_arrays import StructuredArray
 from koopman_lab.data.segments import Segment, cut, phase_runs
-from koopman_lab.data.wire import StructuredArray
 from koopman_lab.geometry.planar import ORIGIN, Pose, relative_to, wrap_angle
 
 Array = NDArray[np.float64]

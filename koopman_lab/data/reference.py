@@ -17,12 +17,12 @@ from koopman_lab.config.values import RobotKind
 from koopman_lab.data.collect import check_frames
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.marker import without_offset
+from koopman_lab.data.message_arrays import StructuredArray
 from koopman_lab.data.processing import margin, states
 from koopman_lab.data.segments import Run, cut, in_time
-from koopman_lab.data.wire import StructuredArray
 from koopman_lab.errors import DataError
 from koopman_lab.geometry.planar import ORIGIN, Pose
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 from koopman_lab.units import US_PER_S
 
 LATE = 1.1

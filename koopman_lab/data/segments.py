@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lcmtypes
-from koopman_lab.data.wire import StructuredArray
+from koopman_lab.data.message_arrays import StructuredArray
 from koopman_lab.units import US_PER_S
 
 LONGEST_STEP = 1.5

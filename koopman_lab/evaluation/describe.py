@@ -13,7 +13,7 @@ from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.koopman.excitation import excitation
 from koopman_lab.koopman.moments import Moments
 from koopman_lab.koopman.samples import add_samples, samples
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 
 
 def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:

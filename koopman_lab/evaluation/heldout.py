@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.data.dataset import DataSet
-from koopman_lab.data.later import begin_later
+from koopman_lab.data.time_shift import shifted_pairs
 from koopman_lab.evaluation.metrics import Errors, deviations, summary
-from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]
@@ -77,6 +77,6 @@ def _matched(dataset: DataSet, index: int, steps: int) -> tuple[NDArray[np.intp]
     ends = starts
     if steps > 1:
         ahead_us = round((steps - 1) * dataset.dt_s * US_PER_S)
-        starts, ends = begin_later(dataset, index, ahead_us)
+        starts, ends = shifted_pairs(dataset, index, ahead_us)
     every = 1 + len(starts) // MOST_STARTS
     return starts[::every], ends[::every]

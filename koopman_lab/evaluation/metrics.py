@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from koopman_lab.config.values import RobotKind
 from koopman_lab.geometry.planar import wrap_angle
-from koopman_lab.koopman.model import BilinearModel
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.koopman.bilinear_model import BilinearModel
+from koopman_lab.robots.nominal_model import nominal_model
 
 Array = NDArray[np.float64]
 Predict = Callable[[Array, Array], Array]

@@ -16,7 +16,7 @@ from koopman_lab.data.decode import SessionLog
 from koopman_lab.errors import DataError
 from koopman_lab.evaluation.heldout import errors, held_out_runs, split
 from koopman_lab.evaluation.metrics import Errors
-from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.samples import Estimator
 from koopman_lab.koopman.train import Method, train
 

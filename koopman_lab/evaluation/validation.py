@@ -19,7 +19,7 @@ from koopman_lab.evaluation.metrics import (
 )
 from koopman_lab.evaluation.rolling import starts_along
 from koopman_lab.geometry.planar import ORIGIN, Pose
-from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.koopman.bilinear_model import BilinearModel
 
 NOMINAL = "nominal"
 

@@ -22,7 +22,7 @@ from koopman_lab.eventlog.eventlog import (
     load_log,
     scan,
 )
-from koopman_lab.eventlog.messages import Indices, Messages, take
+from koopman_lab.eventlog.message_blocks import Indices, Messages, take
 
 _HEADER = np.dtype(
     [("sync", ">u4"), ("number", ">i8"), ("time", ">i8"), ("name", ">u4"), ("data", ">u4")]

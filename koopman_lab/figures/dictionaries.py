@@ -15,7 +15,7 @@ from koopman_lab.evaluation.metrics import along, rolling
 from koopman_lab.evaluation.validation import NOMINAL, common_dt_s, predictors, starts_by_offset
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
-from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from koopman_lab.evaluation.rolling import starts_along
 from koopman_lab.evaluation.validation import predictors
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
-from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.koopman.bilinear_model import BilinearModel
 
 COLOURS = ("tab:blue", "tab:red", "black")
 """With reprojection, without, nominal: those of the paper."""

@@ -16,7 +16,7 @@ from koopman_lab.bus.channels import (
     WHEEL_STATE,
 )
 from koopman_lab.data.decode import SessionLog
-from koopman_lab.data.wire import StructuredArray
+from koopman_lab.data.message_arrays import StructuredArray
 from koopman_lab.errors import LogError
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv

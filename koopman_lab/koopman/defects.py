@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.koopman.bilinear_model import BilinearModel
 
 TURN_RAD_PER_S = 1.0
 """Yaw rate at which a model is asked to turn on the spot."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import ModelError
 from koopman_lab.koopman.expression import Components, Expressions, canonical, split
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 
 Array = NDArray[np.float64]
 OWN = "own"

@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.data.dataset import DataSet
-from koopman_lab.data.later import begin_later
 from koopman_lab.data.processing import margin
 from koopman_lab.data.source import window_of
+from koopman_lab.data.time_shift import shifted_pairs
 from koopman_lab.errors import DataError
 from koopman_lab.koopman.dictionary import Dictionary
 from koopman_lab.koopman.moments import Moments
@@ -64,7 +64,7 @@ def samples(
     X, Y, segments = dataset.X[index], dataset.Y[index], dataset.segments[index]
     if estimator == "plain":
         return Samples((dictionary.lift(X), dictionary.lift(Y)), segments)
-    earlier, later = begin_later(dataset, index, lag_us(dataset))
+    earlier, later = shifted_pairs(dataset, index, lag_us(dataset))
     if len(X) and not len(later):
         raise DataError(
             f"basis input {index}: estimator iv needs samples {lag_us(dataset) / US_PER_S:.3f} s "

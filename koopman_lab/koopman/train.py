@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.source import window_of
 from koopman_lab.errors import DataError
+from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.combination import PAPER, Combination
 from koopman_lab.koopman.defects import Defects, defects
 from koopman_lab.koopman.dictionary import Dictionary, dictionary
 from koopman_lab.koopman.excitation import Excitation, excitation
 from koopman_lab.koopman.fit import Fit, fit_moments
-from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.koopman.moments import Moments
 from koopman_lab.koopman.samples import Estimator, Samples, add_samples, samples
 from koopman_lab.koopman.symmetry import equivariant_basis

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from koopman_lab.config.schema import Controller
 from koopman_lab.config.values import RobotKind
 from koopman_lab.geometry.planar import ORIGIN, Pose
+from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import Dictionary
-from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.mpc.costs import QuadraticInObservables, StageCost
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 
 
 class PredictionModel(Protocol):

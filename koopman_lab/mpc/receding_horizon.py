@@ -79,7 +79,7 @@ class RecedingHorizon:
         dt_s: float,
         disturbance: DisturbanceEstimator | None = None,
     ) -> None:
-        self.back_end = solver
+        self.solver = solver
         """What solves; may be replaced between two steps."""
         self._rollout = rollout
         self._u_max = np.asarray(u_max, dtype=float)
@@ -91,9 +91,9 @@ class RecedingHorizon:
         self._failures = 0
 
     @property
-    def solver(self) -> str:
+    def solver_description(self) -> str:
         """Return what solves, in words for a person."""
-        return self.back_end.description
+        return self.solver.description
 
     def step(self, x: NDArray[np.float64]) -> Decision:
         """Return the input for the measured state ``x`` (n,), relative to the goal.
@@ -102,7 +102,7 @@ class RecedingHorizon:
         """
         self._correct_model(x)
         fallback, guesses = self._before(x)
-        found = [self.back_end.solve(x, guess) for guess in guesses]
+        found = [self.solver.solve(x, guess) for guess in guesses]
         usable = [plan for plan in found if plan.ok and np.isfinite(plan.value)]
         self._failures = 0 if usable else self._failures + 1
         chosen = fallback
@@ -128,9 +128,9 @@ class RecedingHorizon:
             return
         if self._expected is None:
             self._disturbance.reset()
-            self.back_end.disturb(self._disturbance.value)
+            self.solver.disturb(self._disturbance.value)
         else:
-            self.back_end.disturb(self._disturbance.update(self._expected, x))
+            self.solver.disturb(self._disturbance.update(self._expected, x))
 
     def _before(self, x: NDArray[np.float64]) -> tuple[Plan, list[NDArray[np.float64]]]:
         """Return the plan to go on with if nothing better is found, and the initial guesses."""

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 from koopman_lab.bus.channels import CHANNELS, DRIVERS, Channel, Owner
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node, Port
-from koopman_lab.bus.port import Taker
+from koopman_lab.bus.port import Deliver
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.eventlog.eventlog import Event
-from koopman_lab.replay.life import Life
+from koopman_lab.replay.recorded_process import RecordedProcess
 from koopman_lab.units import US_PER_S
 
 PLACES: tuple[Owner, ...] = ("plant", "onboard", "logger", "commander", "operator", "supervisor")
@@ -94,7 +94,7 @@ def rerun(
     node: Node,
     config: LabConfig,
     events: Sequence[Event],
-    life: Life,
+    process: RecordedProcess,
     on_progress: Callable[[float], None] | None = None,
 ) -> Rerun:
     """Run a node with its recorded inputs, to its own finish or the end of the log.
@@ -107,15 +107,15 @@ def rerun(
         The lab of the record.
     events
         Of a log, in the order they were written; at least one.
-    life
-        From :func:`~koopman_lab.replay.life.life_of`.
+    process
+        From :func:`~koopman_lab.replay.recorded_process.recorded_process`.
     on_progress
         Told the time in s once every virtual second.
     """
     mine = outputs_of(node.name)
     names = {channel.name(config.robot.name) for channel in mine}
     collector = _Collector(mine)
-    lab = Lockstep(config, life.start_us, life.process)
+    lab = Lockstep(config, process.start_us, process.process)
     here = place_of(node.name)  # type: ignore[arg-type]
     for place in range(len(PLACES)):
         lab.add(node if place == here else collector if place == LOGGER else _Nobody())
@@ -123,7 +123,7 @@ def rerun(
     before_us = None
     for event in events:
         at_us, name = event.timestamp_us, event.channel
-        if name not in names and name in lab.routes and at_us >= life.start_us:
+        if name not in names and name in lab.routes and at_us >= process.start_us:
             place = places[name]
             if PLACES[place] == "operator" and at_us != before_us:
                 # Whoever is no node speaks between two times: before all others if first.
@@ -132,12 +132,12 @@ def rerun(
         before_us = at_us
     end_us = max(event.timestamp_us for event in events)
     try:
-        lab.run((end_us - life.start_us) / US_PER_S, on_progress=on_progress)
+        lab.run((end_us - process.start_us) / US_PER_S, on_progress=on_progress)
     finally:
         lab.close()
     recorded = [Output(e.timestamp_us, e.channel, e.data) for e in events if e.channel in names]
     return Rerun(recorded, collector.heard, end_us)
 
 
-def _sender(lab: Lockstep, name: str) -> Taker:
+def _sender(lab: Lockstep, name: str) -> Deliver:
     return lambda data, _: lab.send(name, data)

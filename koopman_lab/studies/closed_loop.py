@@ -16,7 +16,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.mpc.prediction import PredictionModel
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.mpc.solver import Solver
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 
 Array = NDArray[np.float64]
 

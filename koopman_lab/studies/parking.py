@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import CostName, LabConfig
-from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction, PredictionModel
 from koopman_lab.mpc.receding_horizon import solver_of
 from koopman_lab.mpc.solver import Plan, Solver

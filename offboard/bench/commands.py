@@ -15,7 +15,7 @@ from offboard.bench.parks import parks
 from offboard.bench.stop import stop
 from offboard.bench.view import view
 from offboard.terminal import options
-from offboard.terminal.messages import err, out, progress
+from offboard.terminal.output import err, out, progress
 
 app = typer.Typer(help="Measure this machine and the lab.", no_args_is_help=True)
 app.command()(lockstep)
@@ -52,7 +52,7 @@ def realtime(
     """
     from offboard.bench.realtime import as_table, measure, stolen_s
     from offboard.bench.session import MORE_THAN_ENOUGH
-    from offboard.lab.folder import new_folder
+    from offboard.lab.run_folder import new_folder
     from offboard.lab.session import keeping_the_log
 
     wanted = [f"sampler.segments_per_basis={MORE_THAN_ENOUGH}", *(overrides or ())]
@@ -93,7 +93,7 @@ def logger(
     """
     from offboard.bench import logger as bench_logger
     from offboard.bench.session import MORE_THAN_ENOUGH
-    from offboard.lab.folder import new_folder
+    from offboard.lab.run_folder import new_folder
     from offboard.lab.session import keeping_the_log
 
     wanted = [
@@ -198,8 +198,8 @@ def ocp(
     from dataclasses import asdict
 
     from offboard.bench import ocp as bench_ocp
+    from offboard.bench.ocp_solvers import has_do_mpc
     from offboard.bench.ocp_table import as_table, remarks
-    from offboard.bench.peers import has_do_mpc
     from offboard.bench.realtime import stolen_s
 
     stolen_before_s = stolen_s()

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from offboard.terminal import options
-from offboard.terminal.messages import err, out, progress
+from offboard.terminal.output import err, out, progress
 
 PAPER_PAIRS = 108_106 + 13_705 + 24_910
 """Of the paper, section 5.2, under u_0, u_1, u_2."""
@@ -108,7 +108,7 @@ def _session(session: Path | None) -> Iterator[Path]:
     import tempfile
 
     from offboard.commands.calibrate import record
-    from offboard.lab.folder import new_folder
+    from offboard.lab.run_folder import new_folder
 
     with tempfile.TemporaryDirectory(prefix="koopman-lab-") as place:
         lab = options.resolve(None, None, "dynamic")

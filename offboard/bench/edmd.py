@@ -14,9 +14,9 @@ import typer
 
 from koopman_lab.errors import LabStateError
 from offboard.bench.dataset import PAPER_PAIRS
-from offboard.lab.child import command
+from offboard.lab.python_process import command
 from offboard.terminal import options
-from offboard.terminal.messages import out
+from offboard.terminal.output import out
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -155,7 +155,7 @@ def _pairs(count: int, seed: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return random states (d, 5) of the second-order robot and their successors."""
     import numpy as np
 
-    from koopman_lab.robots.models import nominal_model
+    from koopman_lab.robots.nominal_model import nominal_model
 
     rng = np.random.default_rng(seed)
     X = rng.uniform([0.0, -0.75, -np.pi, 0.0, -1.0], [1.5, 0.75, np.pi, 0.4, 1.0], (count, 5))

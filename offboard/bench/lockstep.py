@@ -10,11 +10,11 @@ import typer
 
 from koopman_lab.config.schema import LabConfig
 from offboard.terminal import options
-from offboard.terminal.messages import out
+from offboard.terminal.output import out
 
 if TYPE_CHECKING:
     from koopman_lab.bus.lockstep import Lockstep
-    from offboard.bench.weaver import Weaver
+    from offboard.bench.slalom import Slalom
 
 CHUNK_S = 1.0
 WARM_UP_S = 2.0
@@ -45,14 +45,14 @@ def lockstep(
     Example: klab bench lockstep --robot dynamic --seconds 60
     """
     lab_config = options.resolve(config, overrides, options.kind_of(robot), preset)
-    lab, weaver = _lab(lab_config)
+    lab, slalom = _lab(lab_config)
     factors = _factors(lab, seconds)
     shares = _shares(_lab(lab_config)[0], min(seconds, 20.0))
     facts = {
         "robot": lab_config.robot.kind,
         "preset": preset.value,
         "seconds": seconds,
-        "driving": weaver.driving,
+        "driving": slalom.driving,
         "times_real_time": factors,
         "share": shares,
     }
@@ -77,16 +77,16 @@ def lockstep(
     out.print(table)
 
 
-def _lab(config: LabConfig) -> tuple[Lockstep, Weaver]:
+def _lab(config: LabConfig) -> tuple[Lockstep, Slalom]:
     from koopman_lab.bus.lockstep import Lockstep
-    from offboard.bench.weaver import Weaver
+    from offboard.bench.slalom import Slalom
     from offboard.lab import nodes
 
-    lab, weaver = Lockstep(config), Weaver(config)
-    for node in (nodes.plant(config), nodes.onboard(config), weaver):
+    lab, slalom = Lockstep(config), Slalom(config)
+    for node in (nodes.plant(config), nodes.onboard(config), slalom):
         lab.add(node)
     lab.run(WARM_UP_S)
-    return lab, weaver
+    return lab, slalom
 
 
 def _factors(lab: Lockstep, seconds: float) -> dict[str, float]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from koopman_lab.bus.realtime import Listener
-    from offboard.lab.folder import RunFolder
+    from offboard.lab.run_folder import RunFolder
 
 OURS, THEIRS = "klab run logger", "lcm-logger"
 PATIENCE_S = 10.0

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
-from onboard.motor_loop.hold import Command, Intent
+from onboard.motor_loop.command_arbiter import Command, Intent
 from onboard.motor_loop.loop import MotorLoop
 from onboard.plant.plant import Plant
 

@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.config.values import RobotKind
-from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.mpc.costs import StageCost, stage_cost
 from koopman_lab.mpc.prediction import KoopmanPrediction, LiftedPrediction, PredictionModel
 from koopman_lab.mpc.receding_horizon import RecedingHorizon, solver_of
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, Solver
-from koopman_lab.robots.models import nominal_model
-from offboard.bench.peers import Candidate, Task, makers, own_solver
+from koopman_lab.robots.nominal_model import nominal_model
+from offboard.bench.ocp_solvers import Candidate, Task, makers, own_solver
 from offboard.terminal import options
 
 Array = NDArray[np.float64]
@@ -105,7 +105,7 @@ def trained(files: Sequence[Path] | None) -> Iterator[list[BilinearModel]]:
     from koopman_lab.data.decode import SessionLog
     from koopman_lab.koopman.train import train
     from offboard.commands.calibrate import record as calibrate
-    from offboard.lab.folder import new_folder
+    from offboard.lab.run_folder import new_folder
 
     models = []
     with tempfile.TemporaryDirectory(prefix="koopman-lab-") as place:

@@ -17,7 +17,7 @@ from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose, relative_to
 from offboard.terminal import options
-from offboard.terminal.messages import err, out, progress
+from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -79,7 +79,7 @@ def parks(
 
     Example: klab bench parks --model runs/model.npz --runs 100
     """
-    from koopman_lab.koopman.model import BilinearModel
+    from koopman_lab.koopman.bilinear_model import BilinearModel
     from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction
 
     loaded = BilinearModel.load(model)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from koopman_lab.bus.realtime import Listener
-    from offboard.lab.folder import RunFolder
+    from offboard.lab.run_folder import RunFolder
 
 STATISTICS = Path("/proc/stat")
 STEAL = 8

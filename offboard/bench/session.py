@@ -11,7 +11,7 @@ from koopman_lab.errors import LabStateError
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
-    from offboard.lab.folder import RunFolder
+    from offboard.lab.run_folder import RunFolder
     from offboard.lab.supervisor import Supervisor
 
 MORE_THAN_ENOUGH = 10_000

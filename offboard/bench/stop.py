@@ -12,14 +12,14 @@ import typer
 
 from koopman_lab.config.schema import LabConfig
 from offboard.terminal import options
-from offboard.terminal.messages import Report, out, progress
+from offboard.terminal.output import Report, out, progress
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from koopman_lab.bus.realtime import Listener
-    from offboard.bench.wheels import Wheels
-    from offboard.lab.folder import RunFolder
+    from offboard.bench.stop_timer import StopTimer
+    from offboard.lab.run_folder import RunFolder
 
 NOTE_WHEN = """() => {
   for (const kind of ["keydown", "click"]) {
@@ -84,12 +84,12 @@ def stop(
 
     Example: klab bench stop --presses 10 --model runs/model.npz
     """
-    from offboard.lab.folder import new_folder
+    from offboard.lab.run_folder import new_folder
     from offboard.lab.session import keeping_the_log
 
     kind = options.kind_of(robot)
     if model is not None:
-        from koopman_lab.koopman.model import BilinearModel
+        from koopman_lab.koopman.bilinear_model import BilinearModel
 
         loaded = BilinearModel.load(model)
         kind = kind or (None if config else loaded.robot_kind)
@@ -122,11 +122,11 @@ def _press(
     from offboard.bench.browser import browser, visit
     from offboard.bench.parks import starts
     from offboard.bench.stop_drives import Drive, Parks, Weave
-    from offboard.bench.wheels import Wheels
+    from offboard.bench.stop_timer import StopTimer
     from offboard.commands.view import HOST, free_port
     from offboard.lab.supervisor import start_missing, supervised
 
-    wheels, found = Wheels(listener), list[Stop]()
+    wheels, found = StopTimer(listener), list[Stop]()
     rng = np.random.default_rng(config.seed)
     with contextlib.ExitStack() as stack:
         lab = stack.enter_context(supervised(config, folder, listener))
@@ -170,7 +170,7 @@ def _press(
     return found
 
 
-def _release(listener: Listener, wheels: Wheels) -> None:
+def _release(listener: Listener, wheels: StopTimer) -> None:
     from koopman_lab.errors import LabStateError
     from offboard.desk.orders import WAIT_S, stop_order
 

@@ -1,4 +1,4 @@
-"""What keeps the robot under way until STOP is pressed: the weaver, or a park."""
+"""What keeps the robot under way until STOP is pressed: the slalom, or a park."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Drive(Protocol):
 
 
 class Weave:
-    """The weaver, which goes on whenever it may."""
+    """The slalom, which goes on whenever it may."""
 
     most_turns = 150
 
@@ -43,9 +43,9 @@ class Weave:
         self._lab, self._started = lab, False
 
     def begin(self) -> None:
-        """Start the weaver, the first time."""
+        """Start the slalom, the first time."""
         if not self._started:
-            self._lab.start("weaver")
+            self._lab.start("slalom")
             self._started = True
 
     def end(self) -> None:
@@ -70,7 +70,7 @@ class Parks:
 
     def begin(self) -> None:
         """Place the robot and start the controller."""
-        from offboard.lab.place import place
+        from offboard.lab.place_robot import place
 
         place(self._listener, self._config, next(self._starts), by_hand=False)
         self._lab.start("controller", "--model", self._model, "--goal", "0", "0", "0")

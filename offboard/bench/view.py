@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from offboard.terminal import options
-from offboard.terminal.messages import err, out, progress
+from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -43,7 +43,7 @@ def view(
     """
     from offboard.bench.session import MORE_THAN_ENOUGH
     from offboard.bench.view_load import measure
-    from offboard.lab.folder import new_folder
+    from offboard.lab.run_folder import new_folder
     from offboard.lab.session import keeping_the_log
 
     wanted = [f"sampler.segments_per_basis={MORE_THAN_ENOUGH}", *NO_RADIO_LOSS, *(overrides or ())]

@@ -20,11 +20,11 @@ from koopman_lab.errors import LabStateError
 from offboard.bench.browser import browser, visit
 from offboard.bench.session import drive
 from offboard.commands.view import HOST, free_port
-from offboard.lab.child import command
+from offboard.lab.python_process import command
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
-    from offboard.lab.folder import RunFolder
+    from offboard.lab.run_folder import RunFolder
 
 MEMORY_PERIOD_S = 15.0
 SETTLE_S = 5.0

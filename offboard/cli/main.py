@@ -12,7 +12,8 @@ from offboard.cli import run
 from offboard.commands import log
 from offboard.commands.calibrate import calibrate
 from offboard.commands.compare import compare
-from offboard.commands.data import dataset, figure, model
+from offboard.commands.data import dataset, figure
+from offboard.commands.data import model_info as model
 from offboard.commands.data.train import train
 from offboard.commands.data.validate import validate
 from offboard.commands.demo import demo
@@ -30,8 +31,8 @@ from offboard.commands.studies import study
 from offboard.commands.topics import topics
 from offboard.commands.up import up
 from offboard.commands.view import view
-from offboard.reproduction.command import reproduce
-from offboard.terminal.messages import err
+from offboard.reproduction.reproduce import reproduce
+from offboard.terminal.output import err
 
 EXPECTED_MISTAKE = 2
 INTERRUPTED = 130

@@ -93,16 +93,16 @@ def pacer(
 
 
 @app.command(hidden=True)
-def weaver(config: options.ConfigFile = None, lifeline_fd: Lifeline = None) -> None:
+def slalom(config: options.ConfigFile = None, lifeline_fd: Lifeline = None) -> None:
     """Drive the robot along a weave for good, so that a bench has something to stop.
 
-    Example: klab run weaver --config runs/up/config.yaml
+    Example: klab run slalom --config runs/up/config.yaml
     """
     from koopman_lab.bus.realtime import run_node
-    from offboard.bench.weaver import Weaver
+    from offboard.bench.slalom import Slalom
 
     lab = options.resolve(config, None, None)
-    run_node(Weaver(lab), lab, lifeline_fd=lifeline_fd)
+    run_node(Slalom(lab), lab, lifeline_fd=lifeline_fd)
 
 
 def _run_timed(node: Node, lab: LabConfig, file: Path | None, lifeline_fd: int | None) -> None:
@@ -135,7 +135,7 @@ def logger(
     """
     from koopman_lab.bus.realtime import run_node
     from offboard.lab import nodes
-    from offboard.lab.folder import RunFolder, new_folder
+    from offboard.lab.run_folder import RunFolder, new_folder
 
     lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
     if into is None and out is not None and resume:
@@ -223,7 +223,7 @@ def controller(
     from koopman_lab.bus.realtime import run_node
     from koopman_lab.files import write_json
     from offboard.controller.node import ControllerNode
-    from offboard.lab.outcome import outcome_facts
+    from offboard.lab.park_summary import outcome_facts
 
     lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
     node = ControllerNode(lab, model, options.pose_of(goal))

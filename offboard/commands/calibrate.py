@@ -11,9 +11,9 @@ import typer
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ConfigError, LabError
 from koopman_lab.units import US_PER_S
-from offboard.lab.folder import RunFolder, new_folder
+from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
-from offboard.terminal.messages import err, progress
+from offboard.terminal.output import err, progress
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
@@ -51,7 +51,7 @@ def calibrate(
 
     Example: klab calibrate --robot kinematic --lockstep --seed 1 --out runs/calibration
     """
-    from offboard.lab.watch import ear
+    from offboard.lab.session_watch import session_listener
     from offboard.sampler.resume import interrupted
 
     if resume is not None:
@@ -63,7 +63,7 @@ def calibrate(
         folder = RunFolder(resume)
         before = interrupted(resume)
         lab = options.resolve(folder.config, None, None, url=url)
-        listener = ear(lab, lockstep=lockstep)
+        listener = session_listener(lab, lockstep=lockstep)
         if before.skipped_bytes:
             err.print(f"{before.skipped_bytes} damaged bytes at the end of the log passed over")
         _finish(folder, record(lab, folder, listener, before))
@@ -74,7 +74,7 @@ def calibrate(
     lab = options.resolve(
         config, wanted, options.kind_of(robot), preset, seed, url, robot_name=robot_name
     )
-    listener = ear(lab, lockstep=lockstep)
+    listener = session_listener(lab, lockstep=lockstep)
     folder = new_folder(out, "calibration", lab)
     _finish(folder, record(lab, folder, listener))
 
@@ -170,7 +170,7 @@ def _in_real_time(
     import lcmtypes
     from koopman_lab.bus.channels import MOCAP_POSE, ONBOARD_STATUS, SAMPLER_STATE
     from offboard.lab.session import in_real_time
-    from offboard.lab.watch import StartWatch
+    from offboard.lab.session_watch import StartWatch
 
     name = config.robot.name
     start = StartWatch(

@@ -10,9 +10,9 @@ import typer
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from offboard.commands.park import STARTS, drive, show
-from offboard.lab.folder import RunFolder, new_folder
+from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
-from offboard.terminal.messages import err
+from offboard.terminal.output import err
 
 if TYPE_CHECKING:
     from koopman_lab.figures.path import Curve
@@ -63,10 +63,10 @@ def compare(
 
     Example: klab compare --model runs/model.npz --lockstep --out runs/lab-runs
     """
-    from koopman_lab.koopman.model import BilinearModel
+    from koopman_lab.koopman.bilinear_model import BilinearModel
     from koopman_lab.mpc.prediction import prediction_of
     from koopman_lab.mpc.receding_horizon import receding_horizon
-    from offboard.lab.watch import ear
+    from offboard.lab.session_watch import session_listener
 
     loaded = BilinearModel.load(model)
     kind = loaded.robot_kind if config is None else None
@@ -83,7 +83,7 @@ def compare(
     facts, curves = {}, []
     for name, each in labs.items():
         folder = new_folder(whole.path / name, "park", each)
-        listener = ear(each, lockstep=lockstep)
+        listener = session_listener(each, lockstep=lockstep)
         facts[name] = drive(each, folder, model, begin, goal, listener)
         show(folder, facts[name])
         curves.append(_curve(name, folder))
@@ -94,7 +94,7 @@ def _curve(name: str, folder: RunFolder) -> Curve:
     import numpy as np
 
     from koopman_lab.figures.path import Curve
-    from offboard.lab.outcome import TRAJECTORY
+    from offboard.lab.park_summary import TRAJECTORY
 
     rows = np.genfromtxt(folder.path / TRAJECTORY, delimiter=",", names=True)
     poses = np.column_stack([rows["x1_m"], rows["x2_m"], rows["theta_rad"]])

@@ -13,9 +13,9 @@ from offboard.commands.calibrate import show as show_session
 from offboard.commands.data.train import learn
 from offboard.commands.park import STARTS, drive
 from offboard.commands.park import show as show_park
-from offboard.lab.folder import new_folder
+from offboard.lab.run_folder import new_folder
 from offboard.terminal import options
-from offboard.terminal.messages import err, out
+from offboard.terminal.output import err, out
 
 SEGMENTS = {"kinematic": 5, "dynamic": 30}
 """Per basis input: the paper's number, and a number that takes minutes instead of an hour."""
@@ -46,14 +46,14 @@ def demo(
 
     Example: klab demo --robot dynamic --lockstep --out runs/demo
     """
-    from offboard.lab.watch import ear
+    from offboard.lab.session_watch import session_listener
 
     kind = options.kind_of(robot)
     lab = options.resolve(config, overrides, kind, preset, seed, url, robot_name)
     count = segments if segments is not None else SEGMENTS[lab.robot.kind]
     wanted = [*(overrides or ()), f"sampler.segments_per_basis={count}"]
     lab = options.resolve(config, wanted, kind, preset, seed, url, robot_name)
-    listener = ear(lab, lockstep=lockstep)
+    listener = session_listener(lab, lockstep=lockstep)
     top = new_folder(directory, "demo", lab)
     runs = count * len(lab.sampler.basis_inputs)
     if not lockstep:

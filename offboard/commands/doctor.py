@@ -18,7 +18,7 @@ from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import BusError
 from offboard.terminal import options
-from offboard.terminal.messages import out
+from offboard.terminal.output import out
 
 RMEM_MAX = Path("/proc/sys/net/core/rmem_max")
 TRIES = 40

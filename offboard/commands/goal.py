@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from offboard.terminal import options
-from offboard.terminal.messages import err
+from offboard.terminal.output import err
 
 
 def goal(

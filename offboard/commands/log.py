@@ -12,7 +12,7 @@ import typer
 from koopman_lab.errors import LogError
 from offboard.commands.log_export import export, plot
 from offboard.terminal import options
-from offboard.terminal.messages import err, out
+from offboard.terminal.output import err, out
 
 SHOWN = 10
 """Damaged places listed one by one."""

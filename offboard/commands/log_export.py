@@ -10,7 +10,7 @@ import typer
 
 from koopman_lab.errors import DataError
 from offboard.terminal import options
-from offboard.terminal.messages import err, show_damage
+from offboard.terminal.output import err, show_damage
 
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log, or its run folder.")]
 
@@ -76,10 +76,10 @@ def export(
     from koopman_lab.data.decode import log_file
     from koopman_lab.data.export import export_csv, export_mcap
     from koopman_lab.eventlog.eventlog import Damage
-    from koopman_lab.replay.whole import read_whole
+    from koopman_lab.replay.rotated_log import read_rotated_log
 
     damage: list[Damage] = []
-    events = read_whole(log, salvage=salvage, damage=damage)
+    events = read_rotated_log(log, salvage=salvage, damage=damage)
     path = log_file(log)
     ending = "-csv" if format_ is Format.csv else ".mcap"
     out = file if file is not None else path.with_name(f"{path.stem}{ending}")

@@ -11,9 +11,9 @@ import typer
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import Pose
-from offboard.lab.folder import RunFolder, new_folder
+from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
-from offboard.terminal.messages import err, progress
+from offboard.terminal.output import err, progress
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
@@ -48,11 +48,11 @@ def park(
 
     Example: klab park --model runs/model.npz --start -1.1 -0.53 -42.68 --lockstep
     """
-    from koopman_lab.koopman.model import BilinearModel
+    from koopman_lab.koopman.bilinear_model import BilinearModel
     from koopman_lab.mpc.prediction import prediction_of
     from koopman_lab.mpc.receding_horizon import receding_horizon
     from offboard.desk.goal_message import require_reachable
-    from offboard.lab.watch import ear
+    from offboard.lab.session_watch import session_listener
 
     loaded = BilinearModel.load(model)
     wanted = list(overrides or ())
@@ -66,7 +66,7 @@ def park(
     # Made once for what it refuses, before anything is started or written.
     receding_horizon(prediction_of(loaded, lab.controller), lab)
     require_reachable(options.pose_of(goal), lab.controller)
-    listener = ear(lab, lockstep=lockstep)
+    listener = session_listener(lab, lockstep=lockstep)
     folder = new_folder(out, "park", lab)
     typed = start if start is not None else STARTS[lab.robot.kind]
     poses = options.pose_of(typed), options.pose_of(goal)
@@ -104,7 +104,7 @@ def drive(
     LabError
         If the run cannot be made.
     """
-    from offboard.lab.outcome import write_park
+    from offboard.lab.park_summary import write_park
     from offboard.lab.session import keeping_the_log
 
     with keeping_the_log(folder):
@@ -138,7 +138,7 @@ def _in_lockstep(
     from offboard.controller.node import ControllerNode
     from offboard.desk.placing import reset_message
     from offboard.lab.nodes import lockstep_lab
-    from offboard.lab.outcome import outcome_facts
+    from offboard.lab.park_summary import outcome_facts
 
     node = ControllerNode(config, model, goal)
     lab = lockstep_lab(config, folder, node)
@@ -163,9 +163,9 @@ def _in_real_time(
     goal: Pose,
     listener: Listener,
 ) -> dict[str, Any]:
-    from offboard.lab.place import place
+    from offboard.lab.place_robot import place
     from offboard.lab.session import in_real_time
-    from offboard.lab.watch import START_LIMIT_S
+    from offboard.lab.session_watch import START_LIMIT_S
 
     limit_s = config.controller.time_limit_s
     degrees = map(str, (goal.x1, goal.x2, math.degrees(goal.theta)))

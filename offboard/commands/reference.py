@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from koopman_lab.config.schema import LabConfig
-from offboard.lab.folder import RunFolder, new_folder
+from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
-from offboard.terminal.messages import err, progress
+from offboard.terminal.output import err, progress
 
 if TYPE_CHECKING:
     import lcmtypes
@@ -45,7 +45,7 @@ def reference(
     Example: klab reference --shape infinity --runs 20 --robot dynamic --lockstep
     """
     from offboard.lab.session import keeping_the_log
-    from offboard.lab.watch import ear
+    from offboard.lab.session_watch import session_listener
     from offboard.reference.shapes import Shape, input_sequence
 
     wanted = list(overrides or ())
@@ -57,7 +57,7 @@ def reference(
     chosen = Shape[shape.value.upper()]
     # Made once for what it refuses, before anything is started or written.
     input_sequence(lab, chosen)
-    listener = ear(lab, lockstep=lockstep)
+    listener = session_listener(lab, lockstep=lockstep)
     folder = new_folder(out, f"reference-{shape.value}", lab)
     with keeping_the_log(folder):
         if listener is None:
@@ -100,7 +100,7 @@ def _in_real_time(
 ) -> dict[str, Any]:
     from koopman_lab.bus.channels import MOCAP_POSE, ONBOARD_STATUS, REFERENCE_STATE
     from offboard.lab.session import in_real_time
-    from offboard.lab.watch import StartWatch
+    from offboard.lab.session_watch import StartWatch
 
     name = config.robot.name
     start = StartWatch(

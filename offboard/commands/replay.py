@@ -10,7 +10,7 @@ import typer
 from koopman_lab.bus.channels import DRIVERS
 from koopman_lab.errors import ConfigError, LabStateError
 from offboard.terminal import options
-from offboard.terminal.messages import err, progress
+from offboard.terminal.output import err, progress
 
 if TYPE_CHECKING:
     from koopman_lab.eventlog.eventlog import Event
@@ -74,10 +74,10 @@ def replay(
 
 def _events(log: Path) -> list[Event]:
     from koopman_lab.eventlog.eventlog import Damage
-    from koopman_lab.replay.whole import read_whole
+    from koopman_lab.replay.rotated_log import read_rotated_log
 
     damage: list[Damage] = []
-    events = read_whole(log, salvage=True, damage=damage)
+    events = read_rotated_log(log, salvage=True, damage=damage)
     for stretch in damage:
         err.print(f"{log}: damaged, passed over: {stretch}")
     return events

@@ -11,14 +11,14 @@ import typer
 
 from koopman_lab.errors import ConfigError, LogError
 from offboard.terminal import options
-from offboard.terminal.messages import err, out, progress
+from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
     from koopman_lab.bus.channels import Channel
     from koopman_lab.bus.node import Node
     from koopman_lab.config.schema import LabConfig
     from koopman_lab.data.decode import SessionLog
-    from koopman_lab.replay.compare import Agreement, Difference
+    from koopman_lab.replay.output_comparison import Agreement, Difference
 
 SHOWN = 10
 """Differences printed."""
@@ -74,10 +74,10 @@ def rerun(
     Example: klab rerun runs/calibration --node sampler
     """
     from koopman_lab.data.decode import SessionLog
-    from koopman_lab.replay.compare import compare
-    from koopman_lab.replay.life import life_of
+    from koopman_lab.replay.output_comparison import compare
+    from koopman_lab.replay.recorded_process import recorded_process
     from koopman_lab.replay.rerun import rerun as run_again
-    from koopman_lab.replay.whole import read_whole
+    from koopman_lab.replay.rotated_log import read_rotated_log
 
     session = SessionLog(log, robot_name=robot_name, salvage=salvage)
     lab = session.config() if config is None else options.resolve(config, None, None)
@@ -86,27 +86,27 @@ def rerun(
             f"{config or session.path}: configures {lab.robot.name}, but the log is of "
             f"{session.robot_name}"
         )
-    events = read_whole(session.path, salvage=salvage)
-    life = life_of(node.value, lab, events)
+    events = read_rotated_log(session.path, salvage=salvage)
+    process = recorded_process(node.value, lab, events)
     lasts_s = round(session.duration_s)
     built = _build(node, lab, session, model)
     with progress("running again", "s") as report:
         done = run_again(
-            built, lab, events, life, lambda s: report(s - life.start_us * 1e-6, lasts_s)
+            built, lab, events, process, lambda s: report(s - process.start_us * 1e-6, lasts_s)
         )
     if tolerance is None:
-        tolerance = 0.0 if life.virtual else REAL_TIME_TOLERANCE
+        tolerance = 0.0 if process.virtual else REAL_TIME_TOLERANCE
     agreements = compare(
         done.recorded,
         done.again,
         done.end_us,
         tolerance=tolerance,
-        in_real_time=not life.virtual,
+        in_real_time=not process.virtual,
     )
     facts = {
         "file": str(session.path),
         "node": node.value,
-        "lockstep": life.virtual,
+        "lockstep": process.virtual,
         "tolerance": tolerance,
         "share": _share(agreements),
     }
@@ -114,7 +114,7 @@ def rerun(
         out.print_json(json.dumps(facts | _as_json(agreements)))
     else:
         _show(facts, agreements)
-    least = 1.0 if life.virtual else REAL_TIME_SHARE
+    least = 1.0 if process.virtual else REAL_TIME_SHARE
     if _share(agreements) < least:
         raise typer.Exit(1)
 

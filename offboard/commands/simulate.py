@@ -12,9 +12,9 @@ import typer
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ModelError
-from offboard.lab.folder import RunFolder, new_folder
+from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
-from offboard.terminal.messages import err, out, progress
+from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
     from koopman_lab.mpc.prediction import PredictionModel
@@ -76,7 +76,7 @@ def simulate(
     """
     import numpy as np
 
-    from koopman_lab.koopman.model import BilinearModel
+    from koopman_lab.koopman.bilinear_model import BilinearModel
     from koopman_lab.studies.closed_loop import closed_loop
 
     loaded = None if model is None else BilinearModel.load(model)

@@ -13,12 +13,12 @@ import typer
 
 from offboard.commands.topics import spin_for
 from offboard.terminal import options
-from offboard.terminal.messages import err, out
+from offboard.terminal.output import err, out
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
     from koopman_lab.config.schema import LabConfig
-    from offboard.monitor.roll import Entry
+    from offboard.monitor.process_states import ProcessState
     from offboard.monitor.state import LabView
 
 END_LIMIT_S = 60.0
@@ -38,7 +38,7 @@ def status(
 
     Example: klab status
     """
-    from offboard.lab.notes import broken, with_broken
+    from offboard.lab.process_notes import broken, with_broken
 
     lab = options.resolve(config, overrides, None, url=url)
     listener, view = _heard(lab)
@@ -79,9 +79,9 @@ def down(
     """
     from koopman_lab.errors import LabStateError
     from offboard.desk.processes import COMMANDING
-    from offboard.lab.notes import alive, commands
+    from offboard.lab.process_notes import alive, commands
     from offboard.lab.supervisor import KILLED, PATIENCE_S
-    from offboard.monitor.roll import SILENT_S
+    from offboard.monitor.process_states import SILENT_S
 
     lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
     name = lab.robot.name
@@ -127,7 +127,7 @@ def _interrupt(pids: set[int]) -> None:
             os.kill(pid, signal.SIGINT)
 
 
-def _entries(view: LabView, name: str, listener: Listener) -> list[Entry]:
+def _entries(view: LabView, name: str, listener: Listener) -> list[ProcessState]:
     robot = view.robots.get(name)
     return [] if robot is None else robot.entries(listener.now_us())
 
@@ -139,15 +139,15 @@ def _stands(view: LabView, name: str, listener: Listener) -> bool:
     return status is None or status.v_setpoint_m_per_s == status.omega_setpoint_rad_per_s == 0.0
 
 
-def _ours(entry: Entry) -> bool:
+def _ours(entry: ProcessState) -> bool:
     """Return whether a command of this machine, and still there, started a process."""
-    from offboard.lab.notes import is_klab
+    from offboard.lab.process_notes import is_klab
 
     told = entry.told
     return told is not None and told.host == socket.gethostname() and is_klab(told.supervisor_pid)
 
 
-def _others(entries: list[Entry], here: set[int]) -> str:
+def _others(entries: list[ProcessState], here: set[int]) -> str:
     """Return in words who goes on without the commands ``here``, and who may stop it."""
     words = []
     for e in entries:
@@ -173,10 +173,10 @@ def _heard(lab: LabConfig) -> tuple[Listener, LabView]:
     return listener, view
 
 
-def _show(found: dict[str, list[Entry]]) -> None:
+def _show(found: dict[str, list[ProcessState]]) -> None:
     from rich.table import Table
 
-    from offboard.monitor.roll import DIED
+    from offboard.monitor.process_states import DIED
 
     if not any(found.values()):
         return

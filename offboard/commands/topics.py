@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from offboard.terminal import options
-from offboard.terminal.messages import err, out
+from offboard.terminal.output import err, out
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -130,7 +130,7 @@ def _table(flows: list[Flow]) -> Table:
 
 def _echo(listener: Listener, lab: LabConfig, name: str, *, once: bool, seconds: float) -> None:
     from koopman_lab.bus.channels import split_name
-    from koopman_lab.bus.plain import plain
+    from koopman_lab.bus.message_values import plain
     from koopman_lab.errors import LabStateError
 
     channel = split_name(name)[1]

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from offboard.commands.view import HOST, PORT, TOKEN, Host, Port, addresses, listen, token_for
-from offboard.lab.folder import new_folder
+from offboard.lab.run_folder import new_folder
 from offboard.terminal import options
-from offboard.terminal.messages import err, status_line
+from offboard.terminal.output import err, status_line
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
@@ -49,7 +49,7 @@ def up(
     Example: klab up --robot dynamic --robot-name R2
     """
     from koopman_lab.errors import LabStateError
-    from offboard.lab.claim import claimed
+    from offboard.lab.lab_lock import lab_lock
     from offboard.lab.supervisor import present, start_missing, supervised
 
     lab_config = options.resolve(
@@ -57,7 +57,7 @@ def up(
     )
     try:
         with contextlib.ExitStack() as stack:
-            stack.enter_context(claimed(lab_config))
+            stack.enter_context(lab_lock(lab_config))
             page = stack.enter_context(listen(host, port)) if view else None
             listener = options.listen(lab_config)
             there = present(listener) & {"plant", "onboard"}
@@ -116,7 +116,7 @@ def _follow(listener: Listener, lab: Supervisor, show: Callable[[str], None]) ->
     """Show how the lab is until it is interrupted or a process dies."""
     import lcmtypes
     from koopman_lab.bus.channels import LOGGER_STATUS, ONBOARD_STATUS
-    from offboard.monitor.words import standing
+    from offboard.monitor.headline import standing
 
     onboard: deque[lcmtypes.onboard_status_t] = deque(maxlen=1)
     logger: deque[lcmtypes.logger_status_t] = deque(maxlen=1)

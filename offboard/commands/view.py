@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from offboard.terminal import options
-from offboard.terminal.messages import err
+from offboard.terminal.output import err
 
 if TYPE_CHECKING:
     from koopman_lab.config.schema import LabConfig

@@ -16,7 +16,7 @@ from koopman_lab.mpc.receding_horizon import Decision, RecedingHorizon
 from koopman_lab.units import US_PER_S
 from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds
 from offboard.desk.goal_message import require_reachable
-from offboard.desk.obstacle import Obstacle
+from offboard.desk.interlock import Interlock
 
 REST_SPEED_M_PER_S = 0.01
 REST_TURN_RAD_PER_S = 0.05
@@ -64,7 +64,7 @@ class Inputs:
 
     frames: tuple[Frame, ...]
     wheels: WheelSpeeds | None
-    onboard: Obstacle | None
+    onboard: Interlock | None
     logger_ready: bool
     delay_s: float = 0.0
 
@@ -155,13 +155,13 @@ class Controller:
         self._estimator.update(seen.frames, seen.wheels, now_us)
         acts_us = now_us + round(seen.delay_s * US_PER_S)
         x = self._estimator.state(acts_us)
-        obstacle = self._obstacle(seen, now_us)
+        interlock = self._interlock(seen, now_us)
         if self.state is State.WAIT:
-            self._start_if_ready(obstacle, now_us)
+            self._start_if_ready(interlock, now_us)
         if self.state is State.PAUSED:
-            self._resume_or_end(obstacle, now_us)
+            self._resume_or_end(interlock, now_us)
         if self.state is State.DRIVING and x is not None:
-            self._end_if_due(obstacle, x, now_us)
+            self._end_if_due(interlock, x, now_us)
             if self.state is State.DRIVING:
                 decision = self.optimiser.step(x)
                 if decision.failures_in_a_row < self._settings.largest_failures_in_a_row:
@@ -201,17 +201,17 @@ class Controller:
         end_us = now_us if self.state in (State.DRIVING, State.PAUSED) else self._ended_us
         return (end_us - self._started_us) / US_PER_S
 
-    def _start_if_ready(self, obstacle: Obstacle | None, now_us: int) -> None:
-        self.reason = "" if obstacle is None else f"waits: {obstacle.reason}"
-        if obstacle is None:
+    def _start_if_ready(self, interlock: Interlock | None, now_us: int) -> None:
+        self.reason = "" if interlock is None else f"waits: {interlock.reason}"
+        if interlock is None:
             self.state = State.DRIVING
             self._started_us = self._goal_us = now_us
 
-    def _end_if_due(self, obstacle: Obstacle | None, x: NDArray[np.float64], now_us: int) -> None:
-        if obstacle is not None and obstacle.lasting:
-            self._end(State.FAILED, obstacle.reason, now_us)
-        elif obstacle is not None:
-            self.state, self.reason = State.PAUSED, obstacle.reason
+    def _end_if_due(self, interlock: Interlock | None, x: NDArray[np.float64], now_us: int) -> None:
+        if interlock is not None and interlock.lasting:
+            self._end(State.FAILED, interlock.reason, now_us)
+        elif interlock is not None:
+            self.state, self.reason = State.PAUSED, interlock.reason
             self._paused_us = now_us
             self._inside_since_us = None
         elif self._held_inside(x, now_us):
@@ -219,34 +219,34 @@ class Controller:
         else:
             self._end_if_late(now_us)
 
-    def _resume_or_end(self, obstacle: Obstacle | None, now_us: int) -> None:
+    def _resume_or_end(self, interlock: Interlock | None, now_us: int) -> None:
         paused_us = now_us - self._paused_us
-        if obstacle is None:
+        if interlock is None:
             self.pauses.append(Pause(self.reason, paused_us / US_PER_S))
             self.state, self.reason = State.DRIVING, ""
             self.optimiser.restart()
-        elif obstacle.lasting or paused_us >= round(self._settings.pause_limit_s * US_PER_S):
-            self._end(State.FAILED, obstacle.reason, now_us)
+        elif interlock.lasting or paused_us >= round(self._settings.pause_limit_s * US_PER_S):
+            self._end(State.FAILED, interlock.reason, now_us)
         else:
-            self.reason = obstacle.reason
+            self.reason = interlock.reason
             self._end_if_late(now_us)
 
     def _end_if_late(self, now_us: int) -> None:
         if now_us - self._goal_us >= round(self._settings.time_limit_s * US_PER_S):
             self._end(State.TIME_LIMIT, f"not parked after {self._settings.time_limit_s} s", now_us)
 
-    def _obstacle(self, seen: Inputs, now_us: int) -> Obstacle | None:
+    def _interlock(self, seen: Inputs, now_us: int) -> Interlock | None:
         """Return what forbids driving."""
         if seen.onboard is not None:
             return seen.onboard
         if not seen.logger_ready:
-            return Obstacle("logger silent")
+            return Interlock("logger silent")
         frame = self._estimator.frame
         timeout_us = self._settings.tracking_timeout_s * US_PER_S
         if frame is None or now_us - frame.utime > timeout_us:
-            return Obstacle("tracking lost")
+            return Interlock("tracking lost")
         if not self._estimator.is_complete(now_us):
-            return Obstacle("wheel odometry lost")
+            return Interlock("wheel odometry lost")
         return None
 
     def _held_inside(self, x: NDArray[np.float64], now_us: int) -> bool:

@@ -60,7 +60,7 @@ class ControllerNode:
         self.marker_offset = prediction.marker_offset
         """Pose of the tracked frame on the robot, as the model knows it."""
         self._robot_in_tracked_frame = relative_to(self.marker_offset, ORIGIN)
-        self.solver = optimiser.solver
+        self.solver_description = optimiser.solver_description
         """What solves, in words for a person."""
         self.solve_ms: list[float] = []
         self.pose_age_ms: list[float] = []
@@ -136,7 +136,7 @@ class ControllerNode:
         seen = Inputs(
             tuple(self._frames),
             self._wheels,
-            self._alive.obstacle(self._commands.number, now_us),
+            self._alive.interlock(self._commands.number, now_us),
             self._alive.logger(now_us),
             self._delay.estimate_s(),
         )

@@ -11,7 +11,7 @@ from koopman_lab.bus.node import Port
 from koopman_lab.config.load import dump_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
-from offboard.desk.obstacle import Obstacle
+from offboard.desk.interlock import Interlock
 from offboard.desk.time_server import TimeServer
 
 ONBOARD_TIMEOUT_S = 1.0
@@ -51,19 +51,19 @@ class Freshness:
 
     def robot(self, commander: int, now_us: int) -> bool:
         """Return whether the motor loop would take commands of this commander."""
-        return self.obstacle(commander, now_us) is None
+        return self.interlock(commander, now_us) is None
 
-    def obstacle(self, commander: int, now_us: int) -> Obstacle | None:
+    def interlock(self, commander: int, now_us: int) -> Interlock | None:
         """Return why the motor loop would take no commands of this commander, None if it would."""
         status = self.onboard(now_us)
         if status is None:
-            return Obstacle("onboard loop silent")
+            return Interlock("onboard loop silent")
         why = why_stopped(status)
         if why is not None:
-            return Obstacle(f"onboard loop stopped: {why}", lasting=True)
+            return Interlock(f"onboard loop stopped: {why}", lasting=True)
         if status.commander in (0, commander):
             return None
-        return Obstacle(f"onboard loop held by {commander_name(status.commander)}", lasting=True)
+        return Interlock(f"onboard loop held by {commander_name(status.commander)}", lasting=True)
 
     def logger(self, now_us: int) -> bool:
         """Return whether the logger is writing down what happens."""

@@ -31,7 +31,7 @@ PROCESSES: tuple[Process, ...] = (
     Process("sampler", ("onboard", "logger"), "itself when done, or `klab calibrate`"),
     Process("controller", ("onboard", "logger"), "itself when done, or `klab park`"),
     Process("reference", ("onboard", "logger"), "itself when done, or `klab reference`"),
-    Process("weaver", ("onboard",), "`klab bench stop`"),
+    Process("slalom", ("onboard",), "`klab bench stop`"),
     Process("onboard", ("plant",), STARTER),
     Process("plant", (), STARTER),
     Process("logger", (), STARTER),

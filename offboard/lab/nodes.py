@@ -5,8 +5,8 @@ from __future__ import annotations
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node
 from koopman_lab.config.schema import LabConfig
-from offboard.lab.folder import RunFolder
-from offboard.lab.watch import Onlooker
+from offboard.lab.run_folder import RunFolder
+from offboard.lab.session_watch import RobotWatchNode
 from offboard.logger.node import LoggerNode
 from onboard.motor_loop.node import OnboardNode
 from onboard.plant.node import PlantNode
@@ -37,6 +37,6 @@ def lockstep_lab(
     resume = resume_us is not None
     lab = Lockstep(config, resume_us or 0)
     standing = plant(config), onboard(config), logger(config, folder, resume=resume)
-    for node in (*standing, commander, Onlooker(config)):
+    for node in (*standing, commander, RobotWatchNode(config)):
         lab.add(node)
     return lab

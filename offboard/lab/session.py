@@ -16,11 +16,11 @@ from koopman_lab.bus.commanders import commander_number
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabError
-from offboard.lab.claim import claimed
-from offboard.lab.folder import RunFolder
+from offboard.lab.lab_lock import lab_lock
+from offboard.lab.run_folder import RunFolder
+from offboard.lab.session_watch import RobotWatch
 from offboard.lab.supervisor import present, start_missing, supervised
-from offboard.lab.watch import RobotWatch
-from offboard.terminal.messages import err
+from offboard.terminal.output import err
 
 INTERRUPTED = 130
 ROLES = {
@@ -88,7 +88,7 @@ def in_real_time(
     listener.subscribe(ONBOARD_STATUS, lambda status: robot.see(status, listener.now_us()))
     with contextlib.ExitStack() as stack:
         if "onboard" not in there:
-            stack.enter_context(claimed(config))
+            stack.enter_context(lab_lock(config))
         lab = stack.enter_context(supervised(config, folder, listener))
         start_missing(lab, there, folder, resume=resume)
         if prepare is not None:

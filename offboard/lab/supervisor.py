@@ -21,11 +21,11 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.units import US_PER_S
 from offboard.desk.processes import NAMES
-from offboard.lab.child import command
-from offboard.lab.folder import RunFolder
-from offboard.lab.notes import Note, last_lines
-from offboard.monitor.roll import SILENT_S
-from offboard.terminal.messages import err
+from offboard.lab.process_notes import ProcessNote, last_lines
+from offboard.lab.python_process import command
+from offboard.lab.run_folder import RunFolder
+from offboard.monitor.process_states import SILENT_S
+from offboard.terminal.output import err
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 PATIENCE_S = 3.0
@@ -86,7 +86,7 @@ class Supervisor:
         self._heard_us: dict[str, int] = {}
         self._ended: dict[str, tuple[int, str]] = {}
         self._announced_us = 0
-        self._note = Note(config, folder)
+        self._note = ProcessNote(config, folder)
         self._lifeline_read, self._lifeline_write = os.pipe()
         for name, channel in HEARTBEATS.items():
             listener.subscribe(channel, partial(self._hear, name))

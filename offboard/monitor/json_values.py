@@ -7,9 +7,9 @@ from typing import Any
 
 import lcmtypes
 from koopman_lab.config.schema import LabConfig, StateSet
-from offboard.monitor.roll import Entry
+from offboard.monitor.headline import PHASES, word
+from offboard.monitor.process_states import ProcessState
 from offboard.monitor.streams import Flow
-from offboard.monitor.words import PHASES, word
 
 Numbers = list[float | None]
 
@@ -38,7 +38,7 @@ def flow_row(flow: Flow) -> dict[str, Any]:
     return row
 
 
-def entry_row(entry: Entry) -> dict[str, Any]:
+def entry_row(entry: ProcessState) -> dict[str, Any]:
     """Return a process as JSON can hold it."""
     row = entry._asdict()
     told = row.pop("told")

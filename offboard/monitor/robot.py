@@ -12,8 +12,8 @@ from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ConfigError
 from koopman_lab.units import US_PER_S
-from offboard.monitor import words
-from offboard.monitor.collected import Collected, Point
+from offboard.monitor import headline as words
+from offboard.monitor.collected_segments import CollectedSegments, Point
 from offboard.monitor.history import History
 from offboard.monitor.json_values import (
     Numbers,
@@ -25,9 +25,9 @@ from offboard.monitor.json_values import (
     progress,
     settled,
 )
-from offboard.monitor.latest import Latest
-from offboard.monitor.liveness import REPLAY_MEMORY_S, Liveness
-from offboard.monitor.roll import ALIVE, FINISHED, SILENT, Entry, Roll
+from offboard.monitor.latest_message import LatestMessage
+from offboard.monitor.process_states import ALIVE, FINISHED, SILENT, ProcessState, ProcessStates
+from offboard.monitor.replay_detection import REPLAY_MEMORY_S, ReplayDetection
 from offboard.monitor.streams import Stream
 
 ROW_S = 0.04
@@ -49,7 +49,7 @@ class _Tables(NamedTuple):
     """What is made only every :data:`TABLES_S`, at ``now_us``."""
 
     now_us: int
-    entries: list[Entry]
+    entries: list[ProcessState]
     stale: list[tuple[Stream, float]]
     channels: list[dict[str, Any]]
     processes: list[dict[str, Any]]
@@ -72,19 +72,19 @@ class RobotView:
         self.name = name
         self.config = config
         self._settled = settled(config)
-        self.roll = Roll()
-        self.liveness = Liveness()
-        self.collected = Collected()
+        self.process_states = ProcessStates()
+        self.liveness = ReplayDetection()
+        self.collected = CollectedSegments()
         self.rows: History[Row] = History(MOST_ROWS)
         self._streams: dict[str, Stream] = {}
-        self._pose = Latest(channels.MOCAP_POSE)
-        self._wheels = Latest(channels.WHEEL_STATE)
-        self._status = Latest(channels.ONBOARD_STATUS)
-        self._mpc = Latest(channels.MPC_STATE)
-        self._sampler = Latest(channels.SAMPLER_STATE)
-        self._reference = Latest(channels.REFERENCE_STATE)
-        self._info = Latest(channels.SESSION_INFO)
-        self._latest: dict[str, Latest[Any]] = {
+        self._pose = LatestMessage(channels.MOCAP_POSE)
+        self._wheels = LatestMessage(channels.WHEEL_STATE)
+        self._status = LatestMessage(channels.ONBOARD_STATUS)
+        self._mpc = LatestMessage(channels.MPC_STATE)
+        self._sampler = LatestMessage(channels.SAMPLER_STATE)
+        self._reference = LatestMessage(channels.REFERENCE_STATE)
+        self._info = LatestMessage(channels.SESSION_INFO)
+        self._latest: dict[str, LatestMessage[Any]] = {
             kept.channel.suffix: kept
             for kept in (
                 *(self._pose, self._wheels, self._status, self._mpc, self._reference),
@@ -116,13 +116,13 @@ class RobotView:
             if state is not None:
                 self.collected.see(state, self._where(arrived_us))
         elif channel is channels.PROCESS:
-            told = Latest(channels.PROCESS)
+            told = LatestMessage(channels.PROCESS)
             told.take(data, arrived_us)
             message = told.read()
             if message is not None:
-                self.roll.tell(message, arrived_us)
+                self.process_states.tell(message, arrived_us)
         elif suffix in self._beats:
-            self.roll.beat(self._beats[suffix], data, arrived_us)
+            self.process_states.beat(self._beats[suffix], data, arrived_us)
 
     def replayed(self, now_us: int) -> bool:
         """Return whether what is heard is a log, sent again."""
@@ -140,7 +140,7 @@ class RobotView:
         """Return the controller's last step, None while it is silent."""
         return self._mpc.young(now_us, YOUNG_S)
 
-    def entries(self, now_us: int) -> list[Entry]:
+    def entries(self, now_us: int) -> list[ProcessState]:
         """Return the processes; a commander that said that it is done has finished."""
         mpc, sampler = self._mpc.read(), self._sampler.read()
         done = set()
@@ -155,7 +155,7 @@ class RobotView:
             entry._replace(state=FINISHED)
             if entry.state == SILENT and entry.name in done
             else entry
-            for entry in self.roll.entries(now_us)
+            for entry in self.process_states.entries(now_us)
         ]
 
     def snapshot(self, now_us: int) -> dict[str, Any]:
@@ -247,7 +247,7 @@ class RobotView:
     def _line(
         self,
         now_us: int,
-        entries: list[Entry],
+        entries: list[ProcessState],
         status: lcmtypes.onboard_status_t | None,
         mpc: lcmtypes.mpc_state_t | None,
         sampler: lcmtypes.sampler_state_t | None,
@@ -277,7 +277,7 @@ class RobotView:
         """Return what to add while nobody drives: a session says its configuration, a lab none."""
         return "; size and sets as this viewer assumes" if self._assumed else ""
 
-    def _stale(self, now_us: int, entries: list[Entry]) -> list[tuple[Stream, float]]:
+    def _stale(self, now_us: int, entries: list[ProcessState]) -> list[tuple[Stream, float]]:
         if self.liveness.replay_over(now_us):
             return []
         status = self.status(now_us)

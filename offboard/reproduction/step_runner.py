@@ -18,9 +18,9 @@ from pathlib import Path
 
 from koopman_lab.errors import LabStateError
 from koopman_lab.files import write_json
-from offboard.lab.child import command
-from offboard.lab.folder import revision
-from offboard.reproduction.paper.made import Made
+from offboard.lab.python_process import command
+from offboard.lab.run_folder import revision
+from offboard.reproduction.paper.step_record import StepRecord
 
 MARKER = "done.json"
 """In the folder of a step that succeeded."""
@@ -93,25 +93,25 @@ def with_needs(steps: Sequence[Step], names: Sequence[str]) -> list[Step]:
     return [step for step in steps if step.name in wanted]
 
 
-def finished(folder: Path, steps: Sequence[Step]) -> dict[str, Made]:
+def finished(folder: Path, steps: Sequence[Step]) -> dict[str, StepRecord]:
     """Return the steps that need not run again, by name.
 
     One is done when it succeeded with these very arguments, and nothing it needs runs again.
     """
-    done: dict[str, Made] = {}
+    done: dict[str, StepRecord] = {}
     for step in steps:
         try:
             marker = json.loads((folder / step.name / MARKER).read_text())
         except (OSError, ValueError):
             continue
         if marker["arguments"] == list(step.arguments) and step.needs(steps) <= done.keys():
-            done[step.name] = Made(step.command, marker["seconds"], marker["version"])
+            done[step.name] = StepRecord(step.command, marker["seconds"], marker["version"])
     return done
 
 
 def run(
     folder: Path, steps: Sequence[Step], workers: int, tell: Callable[[str], None]
-) -> dict[str, Made]:
+) -> dict[str, StepRecord]:
     """Run what is not done yet, up to ``workers`` steps at a time, and return all by name.
 
     Steps stand behind those they need. One that fails keeps others from beginning; those that run
@@ -139,7 +139,7 @@ def run(
         waiting = [step for step in steps if step.name not in done]
         if done:
             tell(f"{len(done)} of {len(steps)} steps are done already")
-        running: dict[Future[Made], Step] = {}
+        running: dict[Future[StepRecord], Step] = {}
         with ThreadPoolExecutor(max_workers=workers) as pool, _ending(cut):
             while waiting or running:
                 for step in list(waiting):
@@ -158,13 +158,15 @@ def run(
     return {step.name: done[step.name] for step in steps}
 
 
-def _room(step: Step, running: dict[Future[Made], Step], workers: int) -> bool:
+def _room(step: Step, running: dict[Future[StepRecord], Step], workers: int) -> bool:
     if step.parallel or any(other.parallel for other in running.values()):
         return not running
     return len(running) < workers
 
 
-def _make(folder: Path, step: Step, workers: int, anew: bool, descriptors: tuple[int, int]) -> Made:
+def _make(
+    folder: Path, step: Step, workers: int, anew: bool, descriptors: tuple[int, int]
+) -> StepRecord:
     """Run a step's command; ``descriptors`` are those of lock and lifeline."""
     place = folder / step.name
     marker = place / MARKER
@@ -183,7 +185,7 @@ def _make(folder: Path, step: Step, workers: int, anew: bool, descriptors: tuple
     began_s = time.monotonic()
     with log.open("wb") as file:
         code = subprocess.run(
-            command("offboard.cli.attended", str(descriptors[1]), *arguments),
+            command("offboard.cli.end_with_parent", str(descriptors[1]), *arguments),
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=file,
@@ -201,7 +203,7 @@ def _make(folder: Path, step: Step, workers: int, anew: bool, descriptors: tuple
     made_by = f"{version('koopman-lab')}, {revision() or 'no revision'}"
     facts = {"arguments": list(step.arguments), "seconds": seconds, "version": made_by}
     write_json(marker, facts)
-    return Made(step.command, seconds, made_by)
+    return StepRecord(step.command, seconds, made_by)
 
 
 def _last_line(log: Path) -> str:

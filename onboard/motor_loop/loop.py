@@ -7,8 +7,8 @@ from enum import IntEnum
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import REST, Velocity, body_velocity, wheel_speeds
 from koopman_lab.units import US_PER_S
+from onboard.motor_loop.command_arbiter import Command, CommandArbiter, Intent, Refusal
 from onboard.motor_loop.health import LEFT, NO_FAULT, OLDEST_US, RIGHT, Fault, Health
-from onboard.motor_loop.hold import Command, Hold, Intent, Refusal
 from onboard.motor_loop.odometry import Odometry, Speeds
 from onboard.motor_loop.pid import WheelController
 from onboard.motor_loop.setpoint import AccelerationRamp, approach, saturate
@@ -49,7 +49,7 @@ class MotorLoop:
         self.state = State.REST
         self.fault = NO_FAULT
         self.setpoint = REST
-        self.hold = Hold(config)
+        self.arbiter = CommandArbiter(config)
         self.battery_v: float | None = None
         self.odometry = Odometry(loop.encoder_counts_per_rev, loop.wheel_state_window_s)
         self._wheel_radius_m = config.robot.wheel_radius_m
@@ -70,9 +70,9 @@ class MotorLoop:
     def command(self, command: Command, now_us: int) -> Refusal | None:
         """Take a command; return why it was refused, or None."""
         if self.state in STOPPED:
-            return self.hold.refuse("stopped")
+            return self.arbiter.refuse("stopped")
         stands = self.setpoint == REST
-        refusal = self.hold.consider(command, now_us, ready=stands)
+        refusal = self.arbiter.consider(command, now_us, ready=stands)
         if refusal is not None:
             return refusal
         if self.state is not DRIVING:
@@ -89,7 +89,7 @@ class MotorLoop:
 
     def refuse_type(self) -> None:
         """Count a command that was of the other robot's type, or not decodable."""
-        self.hold.refuse("type")
+        self.arbiter.refuse("type")
 
     def estop(self, engaged: bool) -> None:
         """Engage the emergency stop; or release it, and with it a fault."""
@@ -135,14 +135,14 @@ class MotorLoop:
         if self.setpoint != REST or self.state is DRIVING:
             found = Velocity(*body_velocity(left, right, self._wheel_radius_m, self._track_width_m))
             self.setpoint = saturate(found, self._limits)
-            self.hold.lose()
+            self.arbiter.revoke()
             self._releasing = False
             self.state = WATCHDOG
 
     def _move_setpoint(self, now_us: int) -> None:
         driving = self.state is DRIVING
-        if driving and self.hold.is_silent(now_us):
-            self.hold.lose()
+        if driving and self.arbiter.is_silent(now_us):
+            self.arbiter.revoke()
             self.state, driving = WATCHDOG, False
         if self._releasing or self.state is WATCHDOG:
             self.setpoint = approach(self.setpoint, REST, self._limits, self._tick_s)
@@ -171,7 +171,7 @@ class MotorLoop:
     def _stand(self, state: State) -> None:
         self.state = state
         self.setpoint = self._target = REST
-        self.hold.lose()
+        self.arbiter.revoke()
         self._releasing = False
         self._duties = NO_DUTY
         self._ramp.reset(REST)

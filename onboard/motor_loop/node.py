@@ -10,7 +10,7 @@ from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import body_velocity
 from onboard.desk_time import DeskTime
-from onboard.motor_loop.hold import Command, Intent
+from onboard.motor_loop.command_arbiter import Command, Intent
 from onboard.motor_loop.loop import MotorLoop
 
 
@@ -101,16 +101,16 @@ class OnboardNode:
         self._port.publish(channels.WHEEL_STATE, message)
 
     def _on_status_tick(self, tick_us: int) -> None:
-        loop, hold = self.loop, self.loop.hold
-        refused = hold.counts.refused
+        loop, arbiter = self.loop, self.loop.arbiter
+        refused = arbiter.counts.refused
         message = lcmtypes.onboard_status_t()
         message.utime = self._time.to_desk(tick_us)
         message.state = loop.state
         message.fault = loop.fault
-        message.commander = hold.holder
-        message.refused_commander_last = hold.refused_last
+        message.commander = arbiter.holder
+        message.refused_commander_last = arbiter.refused_last
         message.v_setpoint_m_per_s, message.omega_setpoint_rad_per_s = loop.setpoint
-        message.accepted = hold.counts.accepted
+        message.accepted = arbiter.counts.accepted
         message.refused_value = refused["value"]
         message.refused_stale = refused["stale"]
         message.refused_order = refused["order"]

@@ -16,7 +16,7 @@ from koopman_lab.bus.channels import ESTOP, HEARTBEATS, PROCESS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
 from offboard.bench.browser import browser, visit
-from offboard.bench.wheels import Wheels
+from offboard.bench.stop_timer import StopTimer
 
 PATIENCE_MS = 60_000
 WAIT_S = 0.05
@@ -239,7 +239,7 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(opened,
         "() => { for (const kind of ['keydown', 'click']) addEventListener(kind,"
         " () => { window.pressed = Date.now(); }, { capture: true }); }"
     )
-    wheels = Wheels(bus)
+    wheels = StopTimer(bus)
     # At the goal it stays, however long the browser takes to send the robot somewhere else.
     stays = ("--set", "controller.parked_hold_s=1000", "--set", "controller.time_limit_s=1000")
     park = ("run", "controller", "--robot-name", ROBOT, "--model", MODEL, *stays, "--goal")

@@ -60,7 +60,7 @@ def test_a_session_replayed_onto_a_live_robot_does_not_move_it(offset_s, speed):
         lab.run(0.1)
         assert plant.plant.pose == where
         assert onboard.loop.state is State.REST
-    counts = onboard.loop.hold.counts
+    counts = onboard.loop.arbiter.counts
     assert counts.accepted == 0
     assert counts.refused["stale"] >= 0.95 * commands  # the radio loses a few
 

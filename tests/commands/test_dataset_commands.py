@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from klab import klab, klab_json, klab_ok
 
-from koopman_lab.koopman.model import BilinearModel
+from koopman_lab.koopman.bilinear_model import BilinearModel
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ import json
 import numpy as np
 from klab import MODEL, klab_json, klab_ok
 
-from koopman_lab.koopman.model import BilinearModel
-from offboard.commands.data.model import lines
+from koopman_lab.koopman.bilinear_model import BilinearModel
+from offboard.commands.data.model_info import lines
 
 
 def test_as_json_it_is_the_whole_metadata():

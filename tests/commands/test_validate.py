@@ -8,7 +8,7 @@ from klab import MODEL, REFERENCE, klab_json, klab_ok
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import DataError
 from offboard.commands.data.figure import multistep
-from offboard.commands.data.given import models_and_runs
+from offboard.commands.data.validation_inputs import models_and_runs
 
 
 @pytest.fixture(scope="module")

@@ -11,17 +11,17 @@ from koopman_lab.mpc.prediction import NominalPrediction
 from koopman_lab.mpc.receding_horizon import RecedingHorizon
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, make_solver
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 from offboard.controller.controller import Controller, Inputs, State
 from offboard.controller.estimate import Frame, WheelSpeeds
-from offboard.desk.obstacle import Obstacle
+from offboard.desk.interlock import Interlock
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
 NEAR = Pose(-0.15, 0.02, 0.1)
 SHORT = ("controller.horizon=25",)
 STEP_US = 50_000
-SILENT = Obstacle("onboard loop silent")
-STOPPED = Obstacle("onboard loop stopped: emergency stop", lasting=True)
+SILENT = Interlock("onboard loop silent")
+STOPPED = Interlock("onboard loop stopped: emergency stop", lasting=True)
 
 
 class FailingSolver:

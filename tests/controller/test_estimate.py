@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import Pose, Velocity, compose, wrap_angle
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds, oldest_wheels_s
 
 FINITE = st.floats(-3.0, 3.0)

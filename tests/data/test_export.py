@@ -8,7 +8,7 @@ import pytest
 from mcap.reader import make_reader
 
 from koopman_lab.bus.channels import MPC_STATE
-from koopman_lab.bus.plain import plain
+from koopman_lab.bus.message_values import plain
 from koopman_lab.data.export import export_csv, export_mcap
 from koopman_lab.errors import LogError
 from koopman_lab.eventlog.eventlog import Event, read_events

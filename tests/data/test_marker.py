@@ -15,8 +15,8 @@ from koopman_lab.data.marker import (
     marker_offset,
     without_offset,
 )
+from koopman_lab.data.message_arrays import native_dtype
 from koopman_lab.data.segments import Run, Segment
-from koopman_lab.data.wire import native_dtype
 from koopman_lab.geometry.planar import ORIGIN, Pose, compose, relative_to, wrap_angle
 
 RATE = 240.0

@@ -14,7 +14,7 @@ from koopman_lab.evaluation.metrics import by_nominal, per_step, rolling
 from koopman_lab.evaluation.rolling import starts_along
 from koopman_lab.eventlog.logwriter import EventLogWriter
 from koopman_lab.geometry.planar import ORIGIN, Pose, compose, wrap_angle
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 from offboard.reference.shapes import Shape, input_sequence, start_pose
 
 DT_US = 50_000

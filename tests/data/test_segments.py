@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 import lcmtypes
+from koopman_lab.data.message_arrays import decode_all, native_dtype
 from koopman_lab.data.segments import basis_runs, completed, cut
-from koopman_lab.data.wire import decode_all, native_dtype
-from koopman_lab.eventlog.messages import Messages
+from koopman_lab.eventlog.message_blocks import Messages
 
 BASIS, BRAKE, LAUNCH = (
     lcmtypes.sampler_state_t.BASIS,

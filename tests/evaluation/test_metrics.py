@@ -18,7 +18,7 @@ from koopman_lab.evaluation.metrics import (
 )
 from koopman_lab.evaluation.rolling import starts_along
 from koopman_lab.koopman.train import train
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 
 
 @pytest.mark.parametrize("kind", ["kinematic", "dynamic"])

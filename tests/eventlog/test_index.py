@@ -7,7 +7,7 @@ from koopman_lab.errors import LogError
 from koopman_lab.eventlog.eventlog import load_log, scan
 from koopman_lab.eventlog.index import index_files, index_log
 from koopman_lab.eventlog.logwriter import EventLogWriter
-from koopman_lab.eventlog.messages import Messages
+from koopman_lab.eventlog.message_blocks import Messages
 
 SYNC = bytes.fromhex("eda1da01")
 HEADER = 28

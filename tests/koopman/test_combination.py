@@ -7,10 +7,10 @@ from ideal_data import ideal_dataset
 from scipy.linalg import expm
 
 from koopman_lab.errors import ModelError
+from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.combination import exponential_action, generators
 from koopman_lab.koopman.defects import defects
 from koopman_lab.koopman.dictionary import dictionary
-from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.koopman.train import Method, train
 
 

@@ -8,11 +8,11 @@ from ideal_data import ideal_dataset
 from scipy.linalg import expm
 
 from koopman_lab.errors import DataError, ModelError
+from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import DICTIONARIES, Dictionary, register
 from koopman_lab.koopman.fit import fit_matrix
-from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.koopman.train import Method, train
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 
 
 def d5t_generator(v, omega):

@@ -23,7 +23,7 @@ import lcmtypes
 from koopman_lab.bus import multicast, realtime
 from koopman_lab.bus.channels import CHANNELS, ONBOARD_STATUS
 from offboard.commands.rerun import REAL_TIME_SHARE
-from offboard.lab.notes import broken
+from offboard.lab.process_notes import broken
 
 LARGEST_SHARE_MISSED = 0.05
 """Of lcm-logger, on a machine that other tests keep busy; `klab bench logger` counts it alone."""

@@ -10,7 +10,7 @@ from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import LabStateError
 from offboard.lab import supervisor
-from offboard.lab.folder import RunFolder
+from offboard.lab.run_folder import RunFolder
 from offboard.lab.supervisor import KILLED, supervised
 
 MOST_WAITS = 600

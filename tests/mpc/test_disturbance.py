@@ -5,12 +5,12 @@ import pytest
 
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ConfigError
+from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import dictionary
-from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.mpc.disturbance import DisturbanceEstimator, DisturbedPrediction
 from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction
 from koopman_lab.mpc.receding_horizon import receding_horizon, solver_of
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 from koopman_lab.studies.closed_loop import closed_loop
 
 ON = "controller.offset_free.enabled=true"

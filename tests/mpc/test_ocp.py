@@ -13,7 +13,7 @@ from koopman_lab.mpc.ocp import Bounds, transcribe
 from koopman_lab.mpc.prediction import LiftedPrediction, NominalPrediction
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import NlpSolver, make_solver
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 
 STARTS = {
     "kinematic": [[0.0, 0.5, 0.0], [-1.0, -0.5, -0.52], [0.01, 0.004, 0.02]],

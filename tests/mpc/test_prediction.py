@@ -9,8 +9,8 @@ from prediction_models import exact_d5t
 
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ModelError
+from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import dictionary
-from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.mpc.costs import MixedExponents, QuadraticInObservables
 from koopman_lab.mpc.prediction import (
     KoopmanPrediction,
@@ -20,7 +20,7 @@ from koopman_lab.mpc.prediction import (
 )
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.mpc.rollout import Rollout
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 
 CONTROLLER = load_config(robot="kinematic").controller
 ANGLE = st.floats(-9.0, 9.0)

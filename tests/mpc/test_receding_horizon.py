@@ -10,7 +10,7 @@ from koopman_lab.mpc.prediction import NominalPrediction
 from koopman_lab.mpc.receding_horizon import RecedingHorizon, receding_horizon
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, make_solver
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 
 PARALLEL = np.array([0.0, 0.5, 0.0])
 LAB_START = np.array([-1.1, -0.53, np.deg2rad(-42.68), 0.0, 0.0])

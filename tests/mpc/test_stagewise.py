@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from koopman_lab.config.load import load_config
+from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import dictionary
-from koopman_lab.koopman.model import BilinearModel
 from koopman_lab.mpc import compiled, stagewise
 from koopman_lab.mpc.costs import stage_cost
 from koopman_lab.mpc.ocp import Bounds, transcribe

@@ -24,7 +24,7 @@ ON_THE_WAY_S = 0.005
 """By radio, and to the plant; the tick is waited for besides."""
 
 
-class Onlooker:
+class RobotWatchNode:
     """Notes duties and counts."""
 
     name = "onlooker"
@@ -43,7 +43,7 @@ class Onlooker:
 def stop_at(v, preset):
     """Stop a robot that drives straight; return when motors are at zero and it stands (s)."""
     config = load_config(preset=preset)
-    lab, onlooker = Lockstep(config), Onlooker()
+    lab, onlooker = Lockstep(config), RobotWatchNode()
     for node in (PlantNode(config), OnboardNode(config), Script(config, (v, 0.0)), onlooker):
         lab.add(node)
     lab.run(STEADY_S)

@@ -11,7 +11,7 @@ from motor_bench import CONTROLLER, SAMPLER, TICK_US, Bench
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import Velocity
 from koopman_lab.units import COUNTER_RANGE
-from onboard.motor_loop.hold import NOBODY, Intent
+from onboard.motor_loop.command_arbiter import NOBODY, Intent
 from onboard.motor_loop.loop import State
 from onboard.motor_loop.odometry import Odometry
 from onboard.motor_loop.setpoint import AccelerationRamp, approach, saturate
@@ -51,7 +51,7 @@ def test_releasing_brings_the_robot_to_rest_and_frees_it(dynamic):
     for _ in range(50):
         dynamic.tick()
     assert dynamic.loop.state is State.REST
-    assert dynamic.loop.hold.holder == NOBODY
+    assert dynamic.loop.arbiter.holder == NOBODY
     assert dynamic.plant.body_velocity() == (0.0, 0.0)
     assert dynamic.command((0.1, 0.0), CONTROLLER, sequence=0) is None
 
@@ -59,8 +59,8 @@ def test_releasing_brings_the_robot_to_rest_and_frees_it(dynamic):
 def test_the_first_to_begin_holds_the_robot_and_the_other_is_named(kinematic):
     kinematic.drive((0.2, 0.0), 0.3)
     assert kinematic.command((0.1, 0.0), CONTROLLER) == "commander"
-    assert kinematic.loop.hold.refused_last == CONTROLLER
-    assert kinematic.loop.hold.holder == SAMPLER
+    assert kinematic.loop.arbiter.refused_last == CONTROLLER
+    assert kinematic.loop.arbiter.holder == SAMPLER
 
 
 def test_a_robot_that_nobody_holds_is_taken_only_by_beginning(kinematic):
@@ -86,7 +86,7 @@ def test_refused_commands_are_counted_by_reason_and_change_nothing(kinematic, ch
     kinematic.drive((0.2, 0.0), 0.2)
     target = kinematic.loop._target
     assert kinematic.command((0.3, 0.3), **changes) == reason
-    assert kinematic.loop.hold.counts.refused[reason] == 1
+    assert kinematic.loop.arbiter.counts.refused[reason] == 1
     assert kinematic.loop._target == target
 
 
@@ -110,7 +110,7 @@ def test_setpoints_and_accelerations_stay_within_limits(robot, sent):
     largest = np.array([limits.v_m_per_s, limits.omega_rad_per_s])
     fastest = np.array([limits.a_m_per_s2, limits.d_omega_rad_per_s2]) * 0.01
     before = np.zeros(2)
-    largest_u = np.array(bench.loop.hold._largest_u)
+    largest_u = np.array(bench.loop.arbiter._largest_u)
     for *shares, ticks in sent:
         bench.command(largest_u * shares)
         for _ in range(ticks):

@@ -7,8 +7,8 @@ from motor_bench import CONTROLLER, TICK_US, Bench
 
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import REST
+from onboard.motor_loop.command_arbiter import Intent
 from onboard.motor_loop.health import Fault
-from onboard.motor_loop.hold import Intent
 from onboard.motor_loop.loop import State
 
 

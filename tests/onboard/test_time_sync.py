@@ -9,7 +9,7 @@ from tests_support import Script
 from koopman_lab.bus import channels
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config
-from koopman_lab.emulation.clock import DriftingClock
+from koopman_lab.emulation.drifting_clock import DriftingClock
 from koopman_lab.emulation.faults import Faults
 from koopman_lab.eventlog.eventlog import read_events
 from offboard.logger.node import LoggerNode
@@ -166,7 +166,7 @@ def test_whatever_the_board_believes_it_drives_and_speaks_in_the_desks_time(offs
     onboard, heard = drive(
         *(8.0, f"clock.offset_s={offset_s}", "clock.drift_ppm=-80", "radio.to_robot.loss=0"),
     )
-    counts = onboard.loop.hold.counts
+    counts = onboard.loop.arbiter.counts
     # A board whose clock is far off refuses commands until the first answer.
     assert counts.refused["stale"] <= (0 if abs(offset_s) < 0.5 else 6)
     assert counts.accepted >= 8.0 * 20 - 8
@@ -182,7 +182,7 @@ def test_whatever_the_board_believes_it_drives_and_speaks_in_the_desks_time(offs
 
 def test_a_replayed_command_is_stale_by_the_boards_map():
     onboard, _ = drive(2.0, "clock.offset_s=1e6")
-    counts, lifetime_s = onboard.loop.hold.counts, load_config().motor_loop.command_lifetime_s
+    counts, lifetime_s = onboard.loop.arbiter.counts, load_config().motor_loop.command_lifetime_s
     for age_s, refused in ((lifetime_s + 0.01, 1), (lifetime_s - 0.01, 0)):
         message, before = channels.VELOCITY_CMD.type(), counts.refused["stale"]
         message.utime = 2_000_000 - round(age_s * 1e6)

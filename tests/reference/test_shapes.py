@@ -7,7 +7,7 @@ import pytest
 
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ConfigError
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 from offboard.reference.shapes import Shape, input_sequence, start_pose
 
 BOTH = list(itertools.product(["kinematic", "dynamic"], list(Shape)))

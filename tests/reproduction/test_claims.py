@@ -9,8 +9,8 @@ import pytest
 from koopman_lab.errors import DataError
 from offboard.reproduction.paper.claim import judge
 from offboard.reproduction.paper.claims import CLAIMS
-from offboard.reproduction.paper.found import Found
 from offboard.reproduction.paper.settings import SETTINGS
+from offboard.reproduction.paper.step_results import StepResults
 from offboard.reproduction.paper.verdict import Verdict
 
 BY_NAME = {claim.name: claim for claim in (*CLAIMS, *SETTINGS)}
@@ -45,7 +45,7 @@ def leave_summary(folder, **facts):
 )
 def test_75_percent_of_the_second_order_starts(tmp_path, ends_mm, verdict):
     leave_study(tmp_path / "dynamic-parking", {"me-reprojected": ends_mm})
-    judged = judge(BY_NAME["dynamic-mixed-reliable"], Found(tmp_path))
+    judged = judge(BY_NAME["dynamic-mixed-reliable"], StepResults(tmp_path))
     assert judged.verdict is verdict
     assert judged.steps == ("dynamic-parking",)
 
@@ -53,7 +53,7 @@ def test_75_percent_of_the_second_order_starts(tmp_path, ends_mm, verdict):
 def test_a_run_that_failed_counts_as_one_that_did_not_arrive(tmp_path):
     ends = [0.1, 0.1, 0.1, 0.1]
     leave_study(tmp_path / "dynamic-parking", {"me-reprojected": ends}, failed=(0, 1))
-    judged = judge(BY_NAME["dynamic-mixed-reliable"], Found(tmp_path))
+    judged = judge(BY_NAME["dynamic-mixed-reliable"], StepResults(tmp_path))
     assert judged.verdict is Verdict.NOT
     assert "inf mm" in judged.numbers[0]
 
@@ -71,7 +71,7 @@ def test_quadratic_costs_fail_in_most_cases_each_of_them(tmp_path, ce_mm, verdic
         "ce-reprojected": ce_mm
     }
     leave_study(tmp_path / "kinematic-parking", ends)
-    judged = judge(BY_NAME["kinematic-quadratic-fail"], Found(tmp_path))
+    judged = judge(BY_NAME["kinematic-quadratic-fail"], StepResults(tmp_path))
     assert judged.verdict is verdict
     assert judged.weakest.startswith("ce-reprojected")
 
@@ -86,7 +86,7 @@ def test_ten_samples_suffice_when_as_many_runs_arrive_as_with_all(tmp_path, few,
         "kinematic-d10": [0.1] * few + [50.0] * (100 - few),
     }
     leave_study(tmp_path / "data-efficiency", ends)
-    assert judge(BY_NAME["kinematic-few-samples"], Found(tmp_path)).verdict is verdict
+    assert judge(BY_NAME["kinematic-few-samples"], StepResults(tmp_path)).verdict is verdict
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def test_all_three_models_park_in_simulation(tmp_path, x2_mm, verdict):
         "me-nominal": {"x2_mm": 0.0},
     }
     leave_summary(tmp_path / "simulation-models", controllers=controllers)
-    judged = judge(BY_NAME["models-park"], Found(tmp_path))
+    judged = judge(BY_NAME["models-park"], StepResults(tmp_path))
     assert judged.verdict is verdict
     assert judged.numbers[1] == f"me-lifted: {x2_mm:g} mm"
 
@@ -116,15 +116,15 @@ def test_the_largest_error_of_all_starts_counts(tmp_path, largest, verdict):
     # Of other predictors and steps, which are not meant.
     rows += ["D8Eul,1,0.0,9.0,9.0", "nominal,20,0.0,9.0,9.0"]
     (tmp_path / "multistep" / "multistep.csv").write_text("\n".join(rows))
-    assert judge(BY_NAME["largest-errors"], Found(tmp_path)).verdict is verdict
+    assert judge(BY_NAME["largest-errors"], StepResults(tmp_path)).verdict is verdict
 
 
 def test_a_missing_number_is_no_verdict_and_says_where_it_is_missing(tmp_path):
-    judged = judge(BY_NAME["dynamic-mixed-reliable"], Found(tmp_path))
+    judged = judge(BY_NAME["dynamic-mixed-reliable"], StepResults(tmp_path))
     assert judged.verdict is Verdict.UNKNOWN
     assert "dynamic-parking/rows.csv" in judged.numbers[0]
     leave_study(tmp_path / "dynamic-parking", {"ce-lifted": [1.0]})
-    judged = judge(BY_NAME["dynamic-mixed-reliable"], Found(tmp_path))
+    judged = judge(BY_NAME["dynamic-mixed-reliable"], StepResults(tmp_path))
     assert judged.verdict is Verdict.UNKNOWN
     assert "case me-reprojected" in judged.numbers[0]
 
@@ -133,7 +133,7 @@ def test_settings_are_read_from_the_configuration_of_the_step(tmp_path):
     place = tmp_path / "simulation-models"
     place.mkdir()
     (place / "config.yaml").write_text("controller: {horizon: 60, dt_s: 0.05}")
-    found = Found(tmp_path)
+    found = StepResults(tmp_path)
     assert judge(BY_NAME["simulation-horizon"], found).verdict is Verdict.HOLDS
     assert judge(BY_NAME["simulation-dt"], found).verdict is Verdict.NOT
     with pytest.raises(DataError, match=r"controller\.cost"):

@@ -9,12 +9,12 @@ from matplotlib.image import imread, imsave
 
 from offboard.reproduction.paper.claim import judge
 from offboard.reproduction.paper.claims import CLAIMS
-from offboard.reproduction.paper.found import Found
-from offboard.reproduction.paper.made import Made
 from offboard.reproduction.paper.page import Table, Text, as_html, as_markdown
 from offboard.reproduction.paper.pictures import GRIDS, PICTURES, STUDIES
 from offboard.reproduction.paper.report import Facts, write_report
 from offboard.reproduction.paper.settings import SETTINGS
+from offboard.reproduction.paper.step_record import StepRecord
+from offboard.reproduction.paper.step_results import StepResults
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +33,8 @@ def folder(tmp_path_factory):
         lines = ("cost,x2_last_mm", "me,0.25", "ce,0.5", "ce,1.5", "ce,40.25", "ds,5.5")
         (place / grid / f"{grid}.csv").write_text("\n".join(lines))
     names = dict.fromkeys([*(picture.step for picture in PICTURES), *STUDIES, *GRIDS])
-    made = {name: Made(f"klab make {name}", 61.0, "0.1.0, abc") for name in names}
-    found = Found(place)
+    made = {name: StepRecord(f"klab make {name}", 61.0, "0.1.0, abc") for name in names}
+    found = StepResults(place)
     claims = [judge(claim, found) for claim in CLAIMS]
     settings = [judge(setting, found) for setting in SETTINGS]
     write_report(place, Facts(True, "40 random starts.", 7, made), claims, settings)
@@ -52,7 +52,7 @@ def shown(text):
 @pytest.mark.parametrize("ending", ["md", "html"])
 def test_every_claim_with_its_rule_every_caption_and_command_is_in_the_report(folder, ending):
     text = shown((folder / f"report.{ending}").read_text())
-    found = Found(folder)
+    found = StepResults(folder)
     for claim in CLAIMS:
         assert claim.says in text
         assert claim.paper in text

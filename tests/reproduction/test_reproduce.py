@@ -15,9 +15,9 @@ from offboard.cli.main import app
 from offboard.reproduction import step_runner as runner
 from offboard.reproduction.paper.claim import judge
 from offboard.reproduction.paper.claims import CLAIMS
-from offboard.reproduction.paper.found import Found
 from offboard.reproduction.paper.pictures import GRIDS, PICTURES, STUDIES
 from offboard.reproduction.paper.settings import SETTINGS
+from offboard.reproduction.paper.step_results import StepResults
 from offboard.reproduction.step_runner import MARKER, Step, finished, run, with_needs
 from offboard.reproduction.steps import FULL, QUICK, judged_steps, steps
 
@@ -74,7 +74,7 @@ def test_claims_and_figures_are_of_steps_that_there_are(tmp_path):
     listed, first = steps(QUICK, seed=1), judged_steps(QUICK, seed=1)
     assert listed[: len(first)] == first
     names, judged = {step.name for step in listed}, {step.name for step in first}
-    found = Found(tmp_path)
+    found = StepResults(tmp_path)
     for claim in (*CLAIMS, *SETTINGS):
         assert set(judge(claim, found).steps) <= judged
     assert {picture.step for picture in PICTURES} <= names

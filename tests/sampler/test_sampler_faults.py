@@ -9,8 +9,8 @@ from koopman_lab.config.robot_side import Fault
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.emulation.faults import fault_message
-from offboard.lab.folder import RunFolder
 from offboard.lab.nodes import lockstep_lab
+from offboard.lab.run_folder import RunFolder
 from offboard.sampler.node import SamplerNode
 from offboard.sampler.sampler import Phase
 

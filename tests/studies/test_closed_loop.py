@@ -7,7 +7,7 @@ from prediction_models import exact_d5t
 from koopman_lab.config.load import load_config
 from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction
 from koopman_lab.mpc.receding_horizon import solver_of
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 from koopman_lab.studies.closed_loop import COLUMNS, as_rows, closed_loop, x2_last_mm
 
 X0 = np.array([-0.2, 0.1, 0.3])

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from offboard.lab.child import command
+from offboard.lab.python_process import command
 
 ROOT = Path(__file__).parents[2]
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from koopman_lab.config.load import load_config
 from koopman_lab.data.dataset import DataSet
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 
 
 def ideal_dataset(kind, segments=8, steps=40, dt_s=0.05, seed=0, noise=0.0):

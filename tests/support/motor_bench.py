@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from onboard.motor_loop.hold import Command, Intent
+from onboard.motor_loop.command_arbiter import Command, Intent
 from onboard.motor_loop.loop import MotorLoop
 from onboard.plant.plant import Plant
 

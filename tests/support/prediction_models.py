@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.linalg import expm
 
+from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import dictionary
-from koopman_lab.koopman.model import BilinearModel
 
 
 def exact_d5t(dt_s=0.05):

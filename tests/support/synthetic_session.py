@@ -9,7 +9,7 @@ from koopman_lab.bus.channels import MOCAP_POSE, SAMPLER_STATE, SESSION_INFO
 from koopman_lab.config.load import dump_config, load_config
 from koopman_lab.eventlog.logwriter import EventLogWriter
 from koopman_lab.geometry.planar import wrap_angle
-from koopman_lab.robots.models import nominal_model
+from koopman_lab.robots.nominal_model import nominal_model
 
 EPOCH_US = 1_700_000_000_000_000
 BASIS, BRAKE = lcmtypes.sampler_state_t.BASIS, lcmtypes.sampler_state_t.BRAKE

@@ -9,10 +9,10 @@ import sys
 import pytest
 from klab import environment
 
-from offboard.terminal import messages as terminal
+from offboard.terminal import output as terminal
 
 WORK = """
-from offboard.terminal.messages import progress
+from offboard.terminal.output import progress
 with progress("calibrating", "segments") as report:
     for done in (4, 5, 6, 7, 8):
         report(done, 8, f"{done * 700} samples")

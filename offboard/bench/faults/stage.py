@@ -18,7 +18,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import Pose
 from offboard.controller.node import ControllerNode
-from offboard.lab.watch import Onlooker
+from offboard.lab.session_watch import RobotWatchNode
 from offboard.logger.node import LoggerNode
 from offboard.sampler.node import SamplerNode
 from onboard.motor_loop.node import OnboardNode
@@ -151,7 +151,7 @@ class Stage:
         self.lab.add(PlantNode(config))
         for mortal in self.mortals.values():
             self.lab.add(mortal)
-        self.lab.add(Onlooker(config))
+        self.lab.add(RobotWatchNode(config))
         self.lab.add(self.witness)
 
     def run(self, seconds: float) -> None:

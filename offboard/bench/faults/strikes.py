@@ -114,7 +114,7 @@ def failing_solver(times: float) -> Callable[[Stage], None]:
     def strike(stage: Stage) -> None:
         assert isinstance(stage.commander, ControllerNode)  # by the scenario's activity
         optimiser = stage.commander.controller.optimiser
-        optimiser.back_end = FailingSolver(optimiser.back_end, times)
+        optimiser.solver = FailingSolver(optimiser.solver, times)
 
     return strike
 

@@ -72,7 +72,7 @@ def suffer(scenario: Scenario, config: LabConfig) -> Row:
         stage = Stage(config, scenario.activity, Path(folder) / LOG)
         try:
             stage.until_fast()
-            refused = dict(stage.onboard.loop.hold.counts.refused)
+            refused = dict(stage.onboard.loop.arbiter.counts.refused)
             struck_us = stage.lab.now_us
             scenario.strike(stage)
             stage.run(scenario.watched_s)
@@ -126,7 +126,7 @@ def _row(scenario: Scenario, stage: Stage, struck_us: int, refused: Mapping[Any,
         wheel_speeds(s.v_m_per_s, s.omega_rad_per_s, robot.wheel_radius_m, robot.track_width_m)
         for s in sights
     ]
-    more = {reason: n - refused[reason] for reason, n in loop.hold.counts.refused.items()}
+    more = {reason: n - refused[reason] for reason, n in loop.arbiter.counts.refused.items()}
     return Row(
         scenario.name,
         scenario.activity,

@@ -14,9 +14,9 @@ import typer
 from koopman_lab.errors import DataError
 from offboard.commands.data.dataset_needed import needed
 from offboard.commands.data.dataset_sweep import sweep
-from offboard.commands.data.marker import marker_line
+from offboard.commands.data.marker_line import marker_line
 from offboard.terminal import options
-from offboard.terminal.messages import err, out, show_damage
+from offboard.terminal.output import err, out, show_damage
 
 if TYPE_CHECKING:
     from koopman_lab.data.dataset import DataSet

@@ -13,10 +13,10 @@ import typer
 
 from koopman_lab.errors import DataError, ModelError
 from offboard.terminal import options
-from offboard.terminal.messages import err, out, progress, show_damage
+from offboard.terminal.output import err, out, progress, show_damage
 
 if TYPE_CHECKING:
-    from koopman_lab.evaluation.needed import NeededRow
+    from koopman_lab.evaluation.samples_needed import NeededRow
 
 
 def needed(
@@ -43,7 +43,7 @@ def needed(
     Example: klab dataset needed runs/dynamic --repetitions 20 --out runs/needed
     """
     from koopman_lab.data.source import open_source
-    from koopman_lab.evaluation import needed as study
+    from koopman_lab.evaluation import samples_needed as study
     from koopman_lab.koopman.symmetry import equivariant_basis
     from koopman_lab.koopman.train import resolve
 
@@ -64,7 +64,7 @@ def needed(
             rows.append(row)
             report(len(rows), len(counts) * len(methods), f"{row.method}, {row.count} samples")
     if figure is not None:
-        from koopman_lab.figures.needed import draw_needed
+        from koopman_lab.figures.samples_needed import draw_needed
 
         try:
             draw_needed(figure, rows)
@@ -90,7 +90,7 @@ def needed(
 def _show(name: str, rows: Sequence[NeededRow]) -> None:
     from rich.table import Table
 
-    from koopman_lab.evaluation.needed import STEPS
+    from koopman_lab.evaluation.samples_needed import STEPS
 
     table = Table(
         "fit", title=f"{name}: mean error after {STEPS} steps, median (5 to 95 %)", box=None

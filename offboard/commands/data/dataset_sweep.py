@@ -14,7 +14,7 @@ import typer
 
 from koopman_lab.errors import DataError
 from offboard.terminal import options
-from offboard.terminal.messages import err, out, progress, show_damage
+from offboard.terminal.output import err, out, progress, show_damage
 
 if TYPE_CHECKING:
     from koopman_lab.evaluation.metrics import Errors

@@ -10,9 +10,9 @@ from typing import Annotated
 import typer
 
 from koopman_lab.errors import DataError
-from offboard.commands.data.given import models_and_runs
+from offboard.commands.data.validation_inputs import models_and_runs
 from offboard.terminal import options
-from offboard.terminal.messages import err, show_damage
+from offboard.terminal.output import err, show_damage
 
 app = typer.Typer(help="Draw figures of the paper from what was recorded.", no_args_is_help=True)
 

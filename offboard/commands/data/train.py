@@ -12,9 +12,9 @@ import typer
 
 from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import ModelError
-from offboard.commands.data.marker import marker_line
+from offboard.commands.data.marker_line import marker_line
 from offboard.terminal import options
-from offboard.terminal.messages import err, out, show_damage
+from offboard.terminal.output import err, out, show_damage
 
 if TYPE_CHECKING:
     from koopman_lab.koopman.train import Method, TrainingReport

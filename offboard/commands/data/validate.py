@@ -9,10 +9,10 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from koopman_lab.errors import DataError
-from offboard.commands.data.given import models_and_runs
-from offboard.lab.folder import run_path
+from offboard.commands.data.validation_inputs import models_and_runs
+from offboard.lab.run_folder import run_path
 from offboard.terminal import options
-from offboard.terminal.messages import err, out, progress
+from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
     from koopman_lab.evaluation.metrics import Errors

@@ -13,7 +13,7 @@ from koopman_lab.errors import DataError
 from offboard.commands.simulate import DURATIONS_S, STARTS, CostChoice
 from offboard.commands.studies import study_starts
 from offboard.terminal import options
-from offboard.terminal.messages import err, out, progress
+from offboard.terminal.output import err, out, progress
 
 app = typer.Typer(help="Study the closed loop in simulation.", no_args_is_help=True)
 
@@ -50,7 +50,7 @@ def weights(
     import numpy as np
 
     from koopman_lab.files import write_csv
-    from koopman_lab.koopman.model import BilinearModel
+    from koopman_lab.koopman.bilinear_model import BilinearModel
     from koopman_lab.mpc.prediction import KoopmanPrediction
     from koopman_lab.studies import weights as studies
 

@@ -10,16 +10,16 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import DataError
 from offboard.commands.simulate import DURATIONS_S
-from offboard.lab.folder import run_path
+from offboard.lab.run_folder import run_path
 from offboard.terminal import options
-from offboard.terminal.messages import err, out, progress
+from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
     from koopman_lab.data.dataset import DataSet
-    from koopman_lab.studies.models import Recipe
     from koopman_lab.studies.parking import Case
     from koopman_lab.studies.pools import Pool
     from koopman_lab.studies.runner import Study
+    from koopman_lab.studies.trained_models import Recipe
 
 SLOW_DT_S = 0.1
 """Sampling time of the kinematic robot's simulations, section 4 of the paper."""
@@ -76,7 +76,7 @@ def with_model(
     seed: int | None,
 ) -> tuple[LabConfig, bytes]:
     """Return the lab at the model's sampling time, and what the model's file holds."""
-    from koopman_lab.koopman.model import BilinearModel
+    from koopman_lab.koopman.bilinear_model import BilinearModel
 
     loaded = BilinearModel.load(model)
     wanted = [f"controller.dt_s={loaded.dt_s}", *(overrides or ())]
@@ -113,7 +113,7 @@ def trained(
     LabError
         If a model of a study that goes on is missing, or the folder cannot be written.
     """
-    from koopman_lab.studies import models
+    from koopman_lab.studies import trained_models as models
     from koopman_lab.studies.parking import Case
 
     kind = dataset.robot_kind

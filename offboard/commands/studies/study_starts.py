@@ -15,8 +15,8 @@ from offboard.commands.studies.study_run import How, how_to_run, opened, run, tr
 from offboard.terminal import options
 
 if TYPE_CHECKING:
-    from koopman_lab.studies.models import Recipe
     from koopman_lab.studies.parking import Case
+    from koopman_lab.studies.trained_models import Recipe
 
 HORIZONS = range(10, 101, 10)
 
@@ -145,7 +145,7 @@ def data_efficiency(
 
     Example: klab study data-efficiency --dataset-dynamic runs/dynamic --runs 100 --out runs/few
     """
-    from koopman_lab.studies.models import by_count
+    from koopman_lab.studies.trained_models import by_count
 
     sources: list[tuple[RobotKind, Path | None]] = [("kinematic", kinematic), ("dynamic", dynamic)]
     if not any(source for _, source in sources):
@@ -180,7 +180,7 @@ def combination(
     Example: klab study combination --dataset runs/dynamic --runs 100 --out runs/combination
     """
     from koopman_lab.koopman.train import Method
-    from koopman_lab.studies.models import Recipe
+    from koopman_lab.studies.trained_models import Recipe
 
     recipes = {
         "paper": Recipe(method=Method(combination="paper")),
@@ -206,8 +206,8 @@ def fit(
 
     Example: klab study fit --dataset runs/dynamic --runs 100 --out runs/fit
     """
-    from koopman_lab.evaluation.needed import METHODS
-    from koopman_lab.studies.models import Recipe
+    from koopman_lab.evaluation.samples_needed import METHODS
+    from koopman_lab.studies.trained_models import Recipe
 
     recipes = {name: Recipe(method=METHODS[name]) for name in ("plain", "noise-aware", "symmetric")}
     how = how_to_run("fit", folder, runs, chunk, resume, workers, dask)

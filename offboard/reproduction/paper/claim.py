@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from koopman_lab.errors import DataError
-from offboard.reproduction.paper.found import Found
+from offboard.reproduction.paper.step_results import StepResults
 from offboard.reproduction.paper.verdict import Rule, Verdict, number, worst
 
 
@@ -17,7 +17,7 @@ class Part:
     name: str
     unit: str
     rule: Rule
-    of: Callable[[Found], float]
+    of: Callable[[StepResults], float]
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Judged:
     steps: Sequence[str]
 
 
-def judge(claim: Claim, found: Found) -> Judged:
+def judge(claim: Claim, found: StepResults) -> Judged:
     """Return the verdict that follows from the numbers; a missing number is no verdict."""
     found.asked.clear()
     verdicts, numbers = [], []

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from offboard.reproduction.paper.found import Found
+from offboard.reproduction.paper.step_results import StepResults
 
 Array = NDArray[np.float64]
-Measure = Callable[[Found], float]
+Measure = Callable[[StepResults], float]
 
 JITTER_AXES = {"v": "v_m_per_s", "omega": "omega_rad_per_s"}
 """Columns of the figure of samples."""
@@ -19,7 +19,7 @@ JITTER_AXES = {"v": "v_m_per_s", "omega": "omega_rad_per_s"}
 def setting(step: str, *keys: str | int) -> Measure:
     """Measure a value of a step's configuration; whole numbers pick from lists."""
 
-    def of(found: Found) -> float:
+    def of(found: StepResults) -> float:
         value = found.config(step, *(key for key in keys if isinstance(key, str)))
         for key in keys:
             if isinstance(key, int):
@@ -89,7 +89,7 @@ def scaled(factor: float, measure: Measure) -> Measure:
 def ratio(above: Measure, below: Measure) -> Measure:
     """Measure how many times one number is the other."""
 
-    def of(found: Found) -> float:
+    def of(found: StepResults) -> float:
         numerator, denominator = above(found), below(found)
         if denominator == 0.0:
             return float("inf") if numerator > 0.0 else float("nan")
@@ -106,7 +106,7 @@ def lost(case: Measure, reference: Measure) -> Measure:
 def paths_apart_m(step: str, one: str, other: str) -> Measure:
     """Measure the largest distance between two simulated paths at the same time, in m."""
 
-    def of(found: Found) -> float:
+    def of(found: StepResults) -> float:
         paths = [
             np.column_stack([found.column(step, f"{name}.csv", x) for x in ("x1_m", "x2_m")])
             for name in (one, other)
@@ -119,7 +119,7 @@ def paths_apart_m(step: str, one: str, other: str) -> Measure:
 def value_falls(step: str, controller: str) -> Measure:
     """Measure how many times smaller the value function is at the end of a simulation."""
 
-    def of(found: Found) -> float:
+    def of(found: StepResults) -> float:
         values = found.column(step, f"{controller}.csv", "value")
         return float(values[0] / max(values[-1], np.finfo(float).tiny))
 
@@ -132,7 +132,7 @@ def predicted(
     """Measure an error in the table of `klab validate`; the nominal equations are a model too."""
     how = {} if model == "nominal" else {"reprojection": str(reproject)}
 
-    def of(found: Found) -> float:
+    def of(found: StepResults) -> float:
         where = {"shape": shape, "model": model, "steps": str(steps)} | how
         return float(found.column(step, "validation.csv", name, **where)[0])
 
@@ -142,7 +142,7 @@ def predicted(
 def largest_ahead(step: str, name: str, model: str, steps: int) -> Measure:
     """Measure the largest error of all starts and runs in the table of `klab figure multistep`."""
 
-    def of(found: Found) -> float:
+    def of(found: StepResults) -> float:
         where = {"predictor": model, "steps": str(steps)}
         return float(found.column(step, f"{step}.csv", f"largest_{name}", **where).max())
 
@@ -152,7 +152,7 @@ def largest_ahead(step: str, name: str, model: str, steps: int) -> Measure:
 def share_better(step: str, name: str, model: str) -> Measure:
     """Measure at which share of starts and steps a model's mean error is below the nominal one."""
 
-    def of(found: Found) -> float:
+    def of(found: StepResults) -> float:
         ours, theirs = (
             found.column(step, f"{step}.csv", f"mean_{name}", predictor=predictor)
             for predictor in (model, "nominal")
@@ -165,7 +165,7 @@ def share_better(step: str, name: str, model: str) -> Measure:
 def mean_ahead(step: str, name: str, model: str, steps: int) -> Measure:
     """Measure the error averaged over runs and starts in the table of `klab figure multistep`."""
 
-    def of(found: Found) -> float:
+    def of(found: StepResults) -> float:
         where = {"predictor": model, "steps": str(steps)}
         return float(found.column(step, f"{step}.csv", f"mean_{name}", **where).mean())
 
@@ -183,7 +183,7 @@ def off_path_m(step: str, shape: str, model: str, *, until: float = 1.0) -> Meas
     Up to a share ``until`` of the run's time.
     """
 
-    def of(found: Found) -> float:
+    def of(found: StepResults) -> float:
         predicted_path, driven = (_path(found, step, shape, who) for who in (model, "driven"))
         apart = np.linalg.norm(predicted_path - driven, axis=1)
         return float(apart[: max(1, round(until * len(apart)))].max())
@@ -194,7 +194,7 @@ def off_path_m(step: str, shape: str, model: str, *, until: float = 1.0) -> Meas
 def turned_too_far_rad(step: str, shape: str, model: str) -> Measure:
     """Measure by how much the predicted heading is ahead of the driven one at the end, in rad."""
 
-    def of(found: Found) -> float:
+    def of(found: StepResults) -> float:
         headings = [
             found.column(step, "dictionaries-paths.csv", "theta_rad", shape=shape, model=who)
             for who in (model, "driven")
@@ -210,7 +210,7 @@ def jitter(step: str, axis: str, window: int) -> Measure:
     The desired velocities are constant or linear, so what jumps about the mean slope is noise.
     """
 
-    def of(found: Found) -> float:
+    def of(found: StepResults) -> float:
         jumps = []
         for index in ("0", "1", "2"):
             where = {"basis_index": index, "window": str(window)}
@@ -225,7 +225,7 @@ def jitter(step: str, axis: str, window: int) -> Measure:
 def share_cut_short(step: str, basis_index: int, longest: int) -> Measure:
     """Measure the share of runs that ended before their time, in sampling times, was over."""
 
-    def of(found: Found) -> float:
+    def of(found: StepResults) -> float:
         file = "samples-positions.csv"
         numbers = found.column(step, file, "run", basis_index=str(basis_index))
         lengths = np.unique(numbers, return_counts=True)[1]
@@ -237,19 +237,19 @@ def share_cut_short(step: str, basis_index: int, longest: int) -> Measure:
 def largest_over_smallest(step: str, name: str, windows: tuple[int, ...]) -> Measure:
     """Measure how far a column of `klab dataset sweep` varies with the window, as a factor."""
 
-    def of(found: Found) -> float:
+    def of(found: StepResults) -> float:
         values = [found.column(step, f"{step}.csv", name, window=str(w))[0] for w in windows]
         return float(max(values) / min(values))
 
     return of
 
 
-def _final(found: Found, step: str, controller: str) -> Array:
+def _final(found: StepResults, step: str, controller: str) -> Array:
     pose = found.summary(step, "controllers", controller, "final_pose")
     return np.array(pose if pose is not None else [np.nan] * 3, float)
 
 
-def _path(found: Found, step: str, shape: str, who: str) -> Array:
+def _path(found: StepResults, step: str, shape: str, who: str) -> Array:
     file = "dictionaries-paths.csv"
     return np.column_stack(
         [found.column(step, file, x, shape=shape, model=who) for x in ("x1_m", "x2_m")]

@@ -14,8 +14,6 @@ from matplotlib.image import imread, imsave
 from koopman_lab.errors import DataError
 from koopman_lab.files import replacing, write_text
 from offboard.reproduction.paper.claim import Judged
-from offboard.reproduction.paper.found import Found
-from offboard.reproduction.paper.made import Made
 from offboard.reproduction.paper.page import (
     Block,
     Code,
@@ -27,6 +25,8 @@ from offboard.reproduction.paper.page import (
     as_markdown,
 )
 from offboard.reproduction.paper.pictures import GRIDS, PICTURES, STUDIES, Picture
+from offboard.reproduction.paper.step_record import StepRecord
+from offboard.reproduction.paper.step_results import StepResults
 from offboard.reproduction.paper.verdict import Verdict
 
 REPORT = "report"
@@ -52,7 +52,7 @@ class Facts(NamedTuple):
     quick: bool
     size: str
     seed: int
-    steps: Mapping[str, Made]
+    steps: Mapping[str, StepRecord]
 
     @property
     def words(self) -> str:
@@ -204,7 +204,7 @@ def _table_of(file: Path) -> Table:
 
 def _summed_up(folder: Path, grid: str) -> Table:
     """Return by cost what the largest |x2| of the last second is over the settings."""
-    found, file, name = Found(folder), f"{grid}.csv", "x2_last_mm"
+    found, file, name = StepResults(folder), f"{grid}.csv", "x2_last_mm"
     rows = []
     for cost in dict.fromkeys(row["cost"] for row in found.rows(grid, file)):
         ends = found.column(grid, file, name, cost=cost)

@@ -1,0 +1,79 @@
+"""`klab model`: what a model file says of itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from offboard.terminal import options
+from offboard.terminal.output import out
+
+app = typer.Typer(help="Look into model files.", no_args_is_help=True)
+
+INDENT = "  "
+
+
+@app.callback()
+def _group() -> None:
+    """Keep `info` a subcommand although it is the only one."""
+
+
+@app.command()
+def info(
+    file: Annotated[Path, typer.Argument(metavar="MODEL", help="From `klab train`.")],
+    as_json: options.AsJson = False,
+) -> None:
+    """Say what a model is, what it was learned from, how well, and by which versions.
+
+    Everything that its file holds but the matrices; numbers to six digits, as --json in full.
+
+    Example: klab model info runs/model.npz
+    """
+    import numpy as np
+
+    from koopman_lab.files import sha256
+    from koopman_lab.koopman.bilinear_model import BilinearModel
+
+    model = BilinearModel.load(file)
+    with np.load(file, allow_pickle=False) as archive:
+        # As it was written: whatever a version adds to it is shown without a word here.
+        header = json.loads(bytes(archive["header"]))
+    metadata = header.pop("metadata")
+    facts = {"file": str(file), "sha256": sha256(file), **header}
+    facts |= {"basis_inputs": model.basis_inputs.tolist(), **metadata}
+    if as_json:
+        out.print_json(json.dumps(facts))
+        return
+    for line in lines(facts):
+        out.print(line, markup=False)
+
+
+def lines(value: Any, indent: str = "") -> Iterator[str]:
+    """Yield a value of JSON as lines: nested tables indented, lists of plain values in one line."""
+    items = value.items() if isinstance(value, Mapping) else enumerate(value)
+    for key, item in items:
+        if _fits_a_line(item):
+            yield f"{indent}{key}: {_plain(item)}"
+        else:
+            yield f"{indent}{key}:"
+            yield from lines(item, indent + INDENT)
+
+
+def _fits_a_line(value: Any) -> bool:
+    if isinstance(value, list):
+        return not any(isinstance(item, (dict, list)) for item in value)
+    return not isinstance(value, dict) or not value
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(map(_plain, value)) or "none"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "none" if value is None or value == {} else str(value)

@@ -1,0 +1,64 @@
+"""Models and reference runs, as a person lists them together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from koopman_lab.errors import DataError
+from offboard.terminal.output import show_damage
+
+if TYPE_CHECKING:
+    from koopman_lab.data.decode import SessionLog
+    from koopman_lab.data.reference import ReferenceRuns
+    from koopman_lab.koopman.bilinear_model import BilinearModel
+
+
+class ValidationInputs(NamedTuple):
+    """Models by name, and the runs of each session; all of one robot and one sampling time."""
+
+    models: dict[str, BilinearModel]
+    sessions: list[ReferenceRuns]
+    logs: list[SessionLog]
+
+    def show_damage(self) -> None:
+        """Say what of the logs was passed over."""
+        for log in self.logs:
+            show_damage(log.path, log.damage)
+
+
+def models_and_runs(
+    given: Sequence[Path], window: int | None, *, salvage: bool
+) -> ValidationInputs:
+    """Read models (.npz) and the sessions of reference runs (everything else).
+
+    Raises
+    ------
+    LabError
+        If there is not at least one of both, one cannot be read, or they do not fit together.
+    """
+    from koopman_lab.data.decode import SessionLog
+    from koopman_lab.data.reference import reference_runs
+    from koopman_lab.data.source import ENDING
+    from koopman_lab.evaluation.validation import common_dt_s, require_robot
+    from koopman_lab.koopman.bilinear_model import BilinearModel
+
+    files = list(dict.fromkeys(path for path in given if path.suffix == ENDING))
+    others = list(dict.fromkeys(path for path in given if path.suffix != ENDING))
+    if not files or not others:
+        missing = "model (a .npz file of `klab train`)"
+        if files:
+            missing = "reference run (a folder or log of `klab reference`)"
+        raise DataError(f"{', '.join(map(str, given))}: no {missing} among them; name at least one")
+    names = [path.stem for path in files]
+    models = {
+        path.stem if names.count(path.stem) == 1 else str(path): BilinearModel.load(path)
+        for path in files
+    }
+    common_dt_s(models)
+    logs = [SessionLog(path, salvage=salvage) for path in others]
+    sessions = [reference_runs(log, window) for log in logs]
+    for runs in sessions:
+        require_robot(models, runs)
+    return ValidationInputs(models, sessions, logs)

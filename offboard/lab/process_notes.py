@@ -1,0 +1,208 @@
+"""What the commands of this machine note of the processes they start, for whoever asks later.
+
+A command that ends as it should takes its note away. What is left tells of a lab that broke: of a
+process that died, or of a command that was killed itself and could say nothing any more. The next
+lab of the same robot on the same bus takes the place of such notes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import lcmtypes
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.files import write_json
+from koopman_lab.mpc.compiled import cache_folder
+from koopman_lab.units import US_PER_S
+from offboard.desk.processes import PROCESSES
+from offboard.lab.run_folder import RunFolder
+from offboard.monitor.process_states import ALIVE, DIED, STARTING, ProcessState
+
+FOLDER = "labs"
+"""In the user's cache folder."""
+TAIL_LINES = 12
+FORGOTTEN_S = 7 * 86_400.0
+"""After a week a lab that broke, and was never started again, is news to nobody."""
+KLAB = ("klab", "offboard.cli.main", "cli/main.py")
+
+
+class ProcessNote:
+    """Of one command that starts processes of a robot.
+
+    Parameters
+    ----------
+    config
+        Names bus and robot.
+    folder
+        Takes what the processes say.
+    """
+
+    def __init__(self, config: LabConfig, folder: RunFolder) -> None:
+        key = lab_key(config)
+        self._file = cache_folder() / FOLDER / f"{key}-{os.getpid()}.json"
+        self._facts: dict[str, Any] = {
+            "bus": config.bus.url,
+            "robot": config.robot.name,
+            "host": socket.gethostname(),
+            "supervisor_pid": os.getpid(),
+            "folder": str(folder.path.absolute()),
+            "processes": {},
+            "died": None,
+        }
+
+    def started(self, name: str, pid: int) -> None:
+        """Note a process; the first one takes the place of what broke before."""
+        if not self._facts["processes"]:
+            for file, facts in _broken(self._facts["bus"]):
+                if facts["robot"] == self._facts["robot"]:
+                    file.unlink(missing_ok=True)
+        self._facts["processes"][name] = pid
+        self._write()
+
+    def died(self, name: str, ended: str, now_us: int) -> None:
+        """Note the process that ended the lab, and how."""
+        self._facts["died"] = {"name": name, "ended": ended, "utime": now_us}
+        self._write()
+
+    def over(self) -> None:
+        """Take the note away, unless a process died."""
+        if self._facts["died"] is None:
+            with contextlib.suppress(OSError):
+                self._file.unlink(missing_ok=True)
+
+    def _write(self) -> None:
+        # A lab runs as well where this folder cannot be written; only nobody can ask later.
+        with contextlib.suppress(OSError):
+            write_json(self._file, self._facts)
+
+
+def commands(config: LabConfig) -> dict[int, set[str]]:
+    """Return the commands of this machine that run processes of a robot now, and which they ran."""
+    found = {}
+    for file in (cache_folder() / FOLDER).glob(f"{lab_key(config)}-*.json"):
+        try:
+            facts = json.loads(file.read_text())
+            pid, host, names = facts["supervisor_pid"], facts["host"], set(facts["processes"])
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # as in `_broken`
+        if host == socket.gethostname() and alive(pid) and is_klab(pid):
+            found[pid] = names
+    return found
+
+
+def broken(url: str, now_us: int) -> dict[str, list[ProcessState]]:
+    """Return by robot the processes of labs on a bus that broke on this machine.
+
+    Parameters
+    ----------
+    url
+        Of the bus.
+    now_us
+        Present time (us).
+    """
+    found: dict[str, list[ProcessState]] = {}
+    for _, facts in _broken(url):
+        entries = found.setdefault(facts["robot"], [])
+        folder, died = RunFolder(Path(facts["folder"])), facts["died"]
+        how = f"killed with process {facts['supervisor_pid']}, which had started it"
+        for row in PROCESSES:
+            pid = facts["processes"].get(row.name)
+            if pid is None or (died is not None and died["name"] != row.name):
+                continue  # the others were ended in order, because this one died
+            log = folder.process_log(row.name)
+            ended, utime = (how, _written_us(folder.log, log)) if died is None else (
+                died["ended"], died["utime"]
+            )  # fmt: skip
+            told = lcmtypes.process_t()
+            told.utime, told.name, told.pid = utime, row.name, pid
+            told.state, told.ended, told.log_file = told.DIED, ended, str(log)
+            told.host, told.supervisor_pid = socket.gethostname(), facts["supervisor_pid"]
+            told.last_lines = "\n".join(last_lines(log))
+            nothing = (None, None, None)
+            age_s = (now_us - utime) / US_PER_S
+            if age_s > FORGOTTEN_S:
+                continue
+            entries.append(
+                ProcessState(row.name, DIED, pid, age_s, *nothing, row.needs, row.stopped_by, told)
+            )
+    return found
+
+
+def with_broken(
+    heard: dict[str, list[ProcessState]], lost: dict[str, list[ProcessState]]
+) -> dict[str, list[ProcessState]]:
+    """Return who is heard, and beside them who is not any more because it broke.
+
+    Who speaks and was started by hand has taken the place of what broke. A command would have taken
+    the note away: what it says of its processes is about others of the same name.
+    """
+    both = {name: list(entries) for name, entries in heard.items()}
+    for robot, entries in lost.items():
+        here = both.get(robot, [])
+        again = {e.name for e in here if e.state == ALIVE and e.told is None}
+        known = {e.pid for e in here if e.state in (ALIVE, DIED)}
+        gone = [e for e in entries if e.name not in again and e.pid not in known]
+        names = {e.name for e in gone}
+        rest = [e for e in here if e.state in (ALIVE, STARTING, DIED) or e.name not in names]
+        if gone:
+            both[robot] = rest + gone
+    return both
+
+
+def last_lines(file: Path) -> list[str]:
+    """Return how the file of a process ends; nothing where it is gone."""
+    try:
+        return file.read_text(errors="replace").splitlines()[-TAIL_LINES:]
+    except OSError:
+        return []
+
+
+def is_klab(pid: int) -> bool:
+    """Return whether a process is one of our commands; numbers are used again."""
+    try:
+        words = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
+    except OSError:
+        return False
+    return any(word.endswith(KLAB) for word in words)
+
+
+def alive(pid: int) -> bool:
+    """Return whether a process exists and is no zombie."""
+    try:
+        line = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return False
+    return line.rpartition(")")[2].split()[0] != "Z"
+
+
+def _broken(url: str) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Give the notes on a bus whose command has ended, but not as it should."""
+    for file in sorted((cache_folder() / FOLDER).glob("*.json")):
+        try:
+            facts = json.loads(file.read_text())
+            pid, ours = facts["supervisor_pid"], facts["bus"] == url
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # written by another version, or just taken away
+        if ours and not (alive(pid) and is_klab(pid)):
+            yield file, facts
+
+
+def lab_key(config: LabConfig) -> str:
+    """Return what names the files of a robot on a bus."""
+    return hashlib.sha256(f"{config.bus.url}\0{config.robot.name}".encode()).hexdigest()[:16]
+
+
+def _written_us(*files: Path) -> int:
+    """Return when one of these was last written (us), 0 where none is left."""
+    times_ns = []
+    for file in files:
+        with contextlib.suppress(OSError):
+            times_ns.append(file.stat().st_mtime_ns)
+    return max(times_ns, default=0) // 1000

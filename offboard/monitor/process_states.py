@@ -1,0 +1,154 @@
+"""Who is alive: heartbeats, and what the commands that started processes say of them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import lcmtypes
+from koopman_lab.bus.channels import HEARTBEATS
+from koopman_lab.units import US_PER_S
+from offboard.desk.processes import NAMES, PROCESSES, Process, who_stops
+from offboard.monitor.latest_message import LatestMessage
+
+SILENT_S = 1.6
+"""Three heartbeats missing."""
+ALIVE, STARTING, SILENT = "alive", "starting", "silent"
+FINISHED, DIED = "finished", "died"
+MOST_OF_A_NAME = 8
+"""Processes that are kept in mind; who invents process ids endlessly fills no memory here."""
+
+
+class ProcessState(NamedTuple):
+    """One process at one time.
+
+    Attributes
+    ----------
+    name
+        The node.
+    state
+        alive, starting, silent, finished or died.
+    pid
+        Its process id.
+    age_s
+        Since it was heard last (s); None if it never was.
+    missed_ticks, lost_messages, worst_lateness_us
+        By its newest heartbeat; None for a process that has none.
+    needs, stopped_by
+        From the table of processes.
+    told
+        What the command that started it said last, None if nobody said anything.
+    """
+
+    name: str
+    state: str
+    pid: int
+    age_s: float | None
+    missed_ticks: int | None
+    lost_messages: int | None
+    worst_lateness_us: int | None
+    needs: tuple[str, ...]
+    stopped_by: str
+    told: lcmtypes.process_t | None
+
+
+class _Known:
+    """What was heard and told of one process, with the times of arrival (us)."""
+
+    def __init__(self, now_us: int) -> None:
+        self.first_us = self.last_us = self.heard_us = self.told_us = now_us
+        self.beat: lcmtypes.node_status_t | None = None
+        self.told: lcmtypes.process_t | None = None
+
+    def hear(self, beat: lcmtypes.node_status_t, now_us: int) -> None:
+        self.beat, self.heard_us, self.last_us = beat, now_us, now_us
+
+    def tell(self, told: lcmtypes.process_t, now_us: int) -> None:
+        self.told, self.told_us, self.last_us = told, now_us, now_us
+
+    def state(self, name: str, now_us: int) -> str:
+        """Return how it is; its own heartbeat weighs more than what was said of it."""
+        told = self.told
+        if told is not None and told.state in (told.FINISHED, told.DIED):
+            return DIED if told.state == told.DIED else FINISHED
+        newest_us = self.told_us if self.beat is None else self.heard_us
+        if now_us - newest_us > SILENT_S * US_PER_S:
+            return SILENT
+        if self.beat is None and told is not None and name in HEARTBEATS:
+            return {told.STARTING: STARTING, told.SILENT: SILENT}.get(told.state, ALIVE)
+        return ALIVE
+
+    def age_s(self, name: str, state: str, now_us: int) -> float | None:
+        """Return since when nothing was heard of it (s)."""
+        if state in (FINISHED, DIED):
+            newest_us = self.last_us
+        elif self.beat is not None:
+            newest_us = self.heard_us
+        elif name in HEARTBEATS and state != ALIVE:
+            return None
+        else:
+            newest_us = self.told_us
+        return (now_us - newest_us) / US_PER_S
+
+
+class ProcessStates:
+    """Of one robot. Several processes may run the same node: each command has its own logger."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, dict[int, _Known]] = {name: {} for name in NAMES}
+
+    def beat(self, name: str, data: bytes, arrived_us: int) -> None:
+        """Take a heartbeat of a node; what is none says nothing."""
+        latest = LatestMessage(HEARTBEATS[name])
+        latest.take(data, arrived_us)
+        beat = latest.read()
+        if beat is not None:
+            self._of(name, beat.pid, arrived_us).hear(beat, arrived_us)
+
+    def tell(self, message: lcmtypes.process_t, arrived_us: int) -> None:
+        """Take what a command says of a process it started; names of no process say nothing."""
+        if message.name in NAMES:
+            self._of(message.name, message.pid, arrived_us).tell(message, arrived_us)
+
+    def entries(self, now_us: int) -> list[ProcessState]:
+        """Return every process that counts, in the order of the table, then of their beginning.
+
+        One that ended, or fell silent, counts until the node is started again; one that finished,
+        only until another that runs the node is heard.
+        """
+        entries = []
+        for row in PROCESSES:
+            known = self._known[row.name]
+            for pid, one in known.items():
+                state = one.state(row.name, now_us)
+                others = [other for other in known.values() if other is not one]
+                if state not in (ALIVE, STARTING) and any(o.first_us > one.last_us for o in others):
+                    continue
+                if state == FINISHED and any(o.last_us > one.last_us for o in others):
+                    continue
+                entries.append(_entry(row, pid, one, state, now_us))
+        return entries
+
+    def _of(self, name: str, pid: int, now_us: int) -> _Known:
+        """Return what is known of a process; the one heard of longest ago makes room."""
+        known = self._known[name]
+        if pid not in known:
+            if len(known) == MOST_OF_A_NAME:
+                del known[min(known, key=lambda p: known[p].last_us)]
+            known[pid] = _Known(now_us)
+        return known[pid]
+
+
+def _entry(row: Process, pid: int, one: _Known, state: str, now_us: int) -> ProcessState:
+    beat = one.beat
+    return ProcessState(
+        row.name,
+        state,
+        pid,
+        one.age_s(row.name, state, now_us),
+        None if beat is None else beat.missed_ticks,
+        None if beat is None else beat.lost_messages,
+        None if beat is None else beat.worst_lateness_us,
+        row.needs,
+        who_stops(row, one.told),
+        one.told,
+    )

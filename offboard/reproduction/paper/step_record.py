@@ -1,0 +1,13 @@
+"""How a step of a reproduction was made."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class StepRecord(NamedTuple):
+    """A finished step: its command line, the seconds it took, the version that made it."""
+
+    command: str
+    seconds: float
+    version: str

@@ -1,0 +1,104 @@
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import lcmtypes
+from koopman_lab.bus.channels import CHANNELS
+from koopman_lab.data.message_arrays import decode_all, decode_each, native_dtype, wire_dtype
+from koopman_lab.eventlog.message_blocks import Messages
+
+TYPES = sorted({channel.type for channel in CHANNELS}, key=lambda t: t.__name__)
+VARIABLE = {lcmtypes.mpc_state_t, lcmtypes.session_info_t, lcmtypes.process_t}
+VALUES = {
+    "int8_t": st.integers(-(2**7), 2**7 - 1),
+    "int32_t": st.integers(-(2**31), 2**31 - 1),
+    "int64_t": st.integers(-(2**63), 2**63 - 1),
+    "double": st.floats(allow_nan=False),
+    "boolean": st.booleans(),
+}
+
+
+@st.composite
+def messages(draw):
+    kind = draw(st.sampled_from([t for t in TYPES if t not in VARIABLE]))
+    made = []
+    for _ in range(draw(st.integers(0, 4))):
+        message = kind()
+        for name, wire in zip(kind.__slots__, kind.__typenames__, strict=True):
+            setattr(message, name, draw(VALUES[wire]))
+        made.append(message)
+    return kind, made
+
+
+@given(messages())
+def test_arrays_hold_what_the_generated_code_decodes(kind_and_messages):
+    kind, made = kind_and_messages
+    array, bad = decode_all(kind, Messages.joined(m.encode() for m in made))
+    assert array.dtype.names == tuple(kind.__slots__)
+    assert len(bad) == 0
+    for row, message in zip(array, made, strict=True):
+        assert row.tolist() == tuple(getattr(message, name) for name in kind.__slots__)
+
+
+@pytest.mark.parametrize("kind", TYPES)
+def test_fixed_sizes_are_those_of_the_wire_and_variable_ones_are_known(kind):
+    if kind in VARIABLE:
+        assert wire_dtype(kind) is None
+        with pytest.raises(TypeError, match="no fixed size"):
+            native_dtype(kind)
+    else:
+        assert wire_dtype(kind).itemsize == len(kind().encode())
+
+
+def test_arrays_are_in_the_byte_order_of_this_machine():
+    dtype = native_dtype(lcmtypes.mocap_pose_t)
+    assert all(dtype[name].isnative for name in dtype.names)
+    assert dtype["tracking_valid"] == np.dtype(bool)
+
+
+class WithArrays:
+    """Describes itself as a generated type does."""
+
+    __slots__ = ("after", "image")
+    __typenames__ = ("int64_t", "float")
+    __dimensions__ = (None, (2, 3))
+
+    @staticmethod
+    def _get_packed_fingerprint():
+        return b"\1" * 8
+
+
+def test_fixed_arrays_become_subarrays():
+    data = b"\1" * 8 + struct.pack(">q6f", -5, *range(6))
+    array, bad = decode_all(WithArrays, Messages.joined([data, data]))
+    assert len(bad) == 0
+    assert array["after"].tolist() == [-5, -5]
+    assert array["image"].tolist() == [[[0, 1, 2], [3, 4, 5]]] * 2
+
+
+def spoilt():
+    good = lcmtypes.mocap_pose_t()
+    good.utime = 7
+    data, other = good.encode(), lcmtypes.encoder_t().encode()
+    return [data, other, data[:-1], data + b"\0", b"", data], [1, 2, 3, 4]
+
+
+def test_messages_of_another_size_or_fingerprint_are_left_out_and_named():
+    data, wrong = spoilt()
+    array, bad = decode_all(lcmtypes.mocap_pose_t, Messages.joined(data))
+    assert bad.tolist() == wrong
+    assert array["utime"].tolist() == [7, 7]
+
+
+def test_generated_code_leaves_out_what_it_cannot_decode():
+    info = lcmtypes.session_info_t()
+    info.activity = "calibrate"
+    data = info.encode()
+    decoded, bad = decode_each(
+        lcmtypes.session_info_t, [data, data[:30], b"", lcmtypes.estop_t().encode(), data]
+    )
+    assert [m.activity for m in decoded] == ["calibrate", "calibrate"]
+    assert bad.tolist() == [1, 2, 3]
