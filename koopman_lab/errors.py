@@ -30,3 +30,7 @@ class BusError(LabError):
 
 class LabStateError(LabError):
     """The lab is not in the state a command needs, for example a process did not start."""
+
+
+class PluginError(LabError):
+    """A row that another package adds to a table cannot be used."""
