@@ -44,15 +44,15 @@ def index_files(
         If a file is no log, or as :func:`index_log`.
     """
     logs = [load_log(file) for file in files]
-    found = [
+    indexes = [
         index_log(file, log, salvage=salvage, damage=damage)
         for file, log in zip(files, logs, strict=True)
     ]
-    if len(found) == 1:
-        return found[0]
+    if len(indexes) == 1:
+        return indexes[0]
     block, begin = b"".join(logs), 0
     pieces: dict[str, list[Messages]] = defaultdict(list)
-    for log, messages in zip(logs, found, strict=True):
+    for log, messages in zip(logs, indexes, strict=True):
         for name, m in messages.items():
             pieces[name].append(Messages(block, m.starts + begin, m.stops + begin, m.arrival_us))
         begin += len(log)
@@ -88,10 +88,10 @@ def index_log(
     LogError
         If the log is damaged and ``salvage`` is False, or holds no intact event.
     """
-    found = _unbroken(log)
-    if found is None:
-        found = _event_by_event(path, log, salvage=salvage, damage=damage)
-    return dict(sorted(found.items()))
+    messages = _unbroken(log)
+    if messages is None:
+        messages = _event_by_event(path, log, salvage=salvage, damage=damage)
+    return dict(sorted(messages.items()))
 
 
 def _unbroken(log: bytes) -> dict[str, Messages] | None:
@@ -129,11 +129,11 @@ def _sync_words(log: bytes) -> Indices:
     """Return every byte offset at which a sync word stands with room for a header behind it."""
     octets = np.frombuffer(log, np.uint8)[: max(len(log) - _HEADER.itemsize + 1, 0)]
     first = SYNC_WORD >> 24
-    found = [
+    places = [
         chunk + np.flatnonzero(octets[chunk : chunk + _CHUNK] == first)
         for chunk in range(0, len(octets), _CHUNK)
     ]
-    candidates = np.concatenate([np.zeros(0, np.int64), *found])
+    candidates = np.concatenate([np.zeros(0, np.int64), *places])
     offsets: Indices = candidates[take(log, candidates, 4).view(">u4") == SYNC_WORD]
     return offsets
 
@@ -152,18 +152,18 @@ def _chain(begins: Indices, stops: Indices, length: int) -> list[int] | None:
 
 def _by_name(log: bytes, begins: Indices, sizes: Indices) -> dict[str, NDArray[np.intp]] | None:
     """Return the events of each channel; None if a name is none or there are too many of them."""
-    found: dict[str, NDArray[np.intp]] = {}
+    places: dict[str, NDArray[np.intp]] = {}
     for size in np.flatnonzero(np.bincount(sizes)).tolist():
         events = np.flatnonzero(sizes == size)
         names = take(log, begins[events], size, "S")
         while len(events):
             name = channel_name(log[begins[events[0]] : begins[events[0]] + size])
-            if not name or len(found) == _MOST_CHANNELS:
+            if not name or len(places) == _MOST_CHANNELS:
                 return None
             same = names == names[0]
-            found[name] = events[same]
+            places[name] = events[same]
             events, names = events[~same], names[~same]
-    return found
+    return places
 
 
 def _event_by_event(

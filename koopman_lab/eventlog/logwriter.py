@@ -23,10 +23,10 @@ def part(path: Path, number: int) -> Path:
 
 def parts(path: Path) -> list[Path]:
     """Return the files of a log in the order they were written; none if there is no log."""
-    found: list[Path] = []
-    while (following := part(path, len(found))).exists():
-        found.append(following)
-    return found
+    files: list[Path] = []
+    while (following := part(path, len(files))).exists():
+        files.append(following)
+    return files
 
 
 class EventLogWriter:

@@ -68,13 +68,13 @@ def reproduce(
     parts = [with_needs(every, only)] if only else [judged_steps(size, seed), every]
     _open(place, {"quick": quick, "seed": seed}, resume=resume)
     cores = len(os.sched_getaffinity(0))
-    for wanted in parts:
-        run(place, wanted, workers or cores, _tell)
-        made = finished(place, every)
-        found = StepResults(place)
-        judged = [judge(claim, found) for claim in CLAIMS]
-        settings = [judge(setting, found) for setting in SETTINGS]
-        write_report(place, Facts(quick, size.words, seed, made), judged, settings)
+    for part in parts:
+        run(place, part, workers or cores, _tell)
+        records = finished(place, every)
+        results = StepResults(place)
+        judged = [judge(claim, results) for claim in CLAIMS]
+        settings = [judge(setting, results) for setting in SETTINGS]
+        write_report(place, Facts(quick, size.in_words, seed, records), judged, settings)
         _tell(f"report: {place / 'report.html'} and report.md")
     _show([j for j in judged if not only or j.verdict is not Verdict.UNKNOWN])
     out.print(tally(judged))

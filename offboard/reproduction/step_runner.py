@@ -61,7 +61,7 @@ class Step:
 
     def needs(self, steps: Sequence[Step]) -> set[str]:
         """Return the names of the steps whose files this one reads."""
-        heads = {word.split("/")[0] for word in self.arguments}
+        heads = {argument.split("/")[0] for argument in self.arguments}
         return {step.name for step in steps if step.name in heads} - {self.name}
 
 
@@ -80,17 +80,17 @@ def with_needs(steps: Sequence[Step], names: Sequence[str]) -> list[Step]:
     LabStateError
         If no step has such a name.
     """
-    wanted = set(names)
-    unknown = wanted - {step.name for step in steps}
+    selected = set(names)
+    unknown = selected - {step.name for step in steps}
     if unknown:
         raise LabStateError(
             f"{', '.join(sorted(unknown))}: no such step; there are "
             f"{', '.join(step.name for step in steps)}"
         )
     for step in reversed(steps):
-        if step.name in wanted:
-            wanted |= step.needs(steps)
-    return [step for step in steps if step.name in wanted]
+        if step.name in selected:
+            selected |= step.needs(steps)
+    return [step for step in steps if step.name in selected]
 
 
 def finished(folder: Path, steps: Sequence[Step]) -> dict[str, StepRecord]:
@@ -153,8 +153,8 @@ def run(
                     running[pool.submit(_make, *of)] = step
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     step = running.pop(future)
-                    done[step.name] = made = future.result()
-                    tell(f"{step.name}: {made.seconds:.0f} s; {len(done)} of {len(steps)} done")
+                    done[step.name] = record = future.result()
+                    tell(f"{step.name}: {record.seconds:.0f} s; {len(done)} of {len(steps)} done")
     return {step.name: done[step.name] for step in steps}
 
 

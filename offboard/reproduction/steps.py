@@ -34,7 +34,7 @@ class Size:
     repetitions: int
 
     @property
-    def words(self) -> str:
+    def in_words(self) -> str:
         """Return how much is run in words."""
         return (
             f"{self.segments} segments for each basis input of the second-order robot, {self.runs} "
@@ -66,8 +66,10 @@ def judged_steps(size: Size, seed: int) -> list[Step]:
     return [*_kinematic(seed), *_dynamic(size, seed), *_studies(size, seed)]
 
 
-def _step(name: str, *words: str | int, resumable: bool = False, parallel: bool = False) -> Step:
-    return Step(name, tuple(map(str, words)), resumable, parallel)
+def _step(
+    name: str, *arguments: str | int, resumable: bool = False, parallel: bool = False
+) -> Step:
+    return Step(name, tuple(map(str, arguments)), resumable, parallel)
 
 
 def _kinematic(seed: int) -> list[Step]:
@@ -174,10 +176,10 @@ def _dynamic(size: Size, seed: int) -> list[Step]:
     ]
 
 
-def _study(name: str, runs: int, seed: int, *given: str) -> Step:
+def _study(name: str, runs: int, seed: int, *arguments: str) -> Step:
     return _step(
         name,
-        *("study", name, *given, "--runs", str(runs), "--seed", str(seed), "--out", name),
+        *("study", name, *arguments, "--runs", str(runs), "--seed", str(seed), "--out", name),
         resumable=True,
         parallel=True,
     )

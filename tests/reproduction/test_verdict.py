@@ -41,11 +41,11 @@ def test_what_is_not_a_number_never_holds(rule):
 
 
 def test_rules_say_their_limits():
-    assert AtMost(2.0, 4.0).words("mm") == "at most 2 mm (weaker: 4 mm)"
-    assert AtLeast(0.75, 0.5).words("share") == "at least 75 % (weaker: 50 %)"
-    assert AtLeast(1.0, 1.0).words("") == "at least 1"
-    assert Near(119.67).words("s") == "within 10 % of 120 s (weaker: within a factor of 2)"
-    assert Same(240.0).words("Hz") == "equal to 240 Hz"
+    assert AtMost(2.0, 4.0).in_words("mm") == "at most 2 mm (weaker: 4 mm)"
+    assert AtLeast(0.75, 0.5).in_words("share") == "at least 75 % (weaker: 50 %)"
+    assert AtLeast(1.0, 1.0).in_words("") == "at least 1"
+    assert Near(119.67).in_words("s") == "within 10 % of 120 s (weaker: within a factor of 2)"
+    assert Same(240.0).in_words("Hz") == "equal to 240 Hz"
 
 
 def test_the_weakest_part_decides_and_a_missing_one_never_holds():

@@ -64,13 +64,13 @@ class Judged:
     steps: Sequence[str]
 
 
-def judge(claim: Claim, found: StepResults) -> Judged:
+def judge(claim: Claim, results: StepResults) -> Judged:
     """Return the verdict that follows from the numbers; a missing number is no verdict."""
-    found.asked.clear()
+    results.asked.clear()
     verdicts, numbers = [], []
     for part in claim.parts:
         try:
-            value = part.of(found)
+            value = part.of(results)
         except DataError as error:
             verdicts.append(Verdict.UNKNOWN)
             numbers.append(f"{part.name}: {error}")
@@ -79,11 +79,11 @@ def judge(claim: Claim, found: StepResults) -> Judged:
         numbers.append(f"{part.name}: {number(value, part.unit)}")
     rules: dict[str, list[str]] = {}
     for part in claim.parts:
-        rules.setdefault(part.rule.words(part.unit), []).append(part.name)
+        rules.setdefault(part.rule.in_words(part.unit), []).append(part.name)
     if len(rules) == 1:
-        words = list(rules)
+        texts = list(rules)
     else:
-        words = [f"{', '.join(names)}: {rule}" for rule, names in rules.items()]
+        texts = [f"{', '.join(names)}: {rule}" for rule, names in rules.items()]
     verdict = worst(verdicts)
     weakest = numbers[verdicts.index(verdict)]
-    return Judged(claim, verdict, numbers, weakest, words, tuple(found.asked))
+    return Judged(claim, verdict, numbers, weakest, texts, tuple(results.asked))

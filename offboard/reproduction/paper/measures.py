@@ -19,8 +19,8 @@ JITTER_AXES = {"v": "v_m_per_s", "omega": "omega_rad_per_s"}
 def setting(step: str, *keys: str | int) -> Measure:
     """Measure a value of a step's configuration; whole numbers pick from lists."""
 
-    def of(found: StepResults) -> float:
-        value = found.config(step, *(key for key in keys if isinstance(key, str)))
+    def of(results: StepResults) -> float:
+        value = results.config(step, *(key for key in keys if isinstance(key, str)))
         for key in keys:
             if isinstance(key, int):
                 value = value[key]
@@ -31,7 +31,7 @@ def setting(step: str, *keys: str | int) -> Measure:
 
 def fact(step: str, *keys: str) -> Measure:
     """Measure a number in a step's summary."""
-    return lambda found: float(found.summary(step, *keys))
+    return lambda results: float(results.summary(step, *keys))
 
 
 def simulated_x2_mm(step: str, controller: str) -> Measure:
@@ -41,56 +41,58 @@ def simulated_x2_mm(step: str, controller: str) -> Measure:
 
 def parked_x2_mm(step: str, controller: str) -> Measure:
     """Measure |x2| at the end of a lab run in mm."""
-    return lambda found: 1e3 * abs(_final(found, step, controller)[1])
+    return lambda results: 1e3 * abs(_final(results, step, controller)[1])
 
 
 def distance_mm(step: str, controller: str) -> Measure:
     """Measure how far from the goal a lab run ended, in mm."""
-    return lambda found: 1e3 * float(np.hypot(*_final(found, step, controller)[:2]))
+    return lambda results: 1e3 * float(np.hypot(*_final(results, step, controller)[:2]))
 
 
 def parked(step: str, controller: str) -> Measure:
     """Measure whether a lab run ended in the neighbourhood of the goal: 1 or 0."""
-    return lambda found: float(found.summary(step, "controllers", controller, "parked"))
+    return lambda results: float(results.summary(step, "controllers", controller, "parked"))
 
 
 def share_below(study: str, case: str, limit_mm: float) -> Measure:
     """Measure the share of a study's runs that end with |x2| below a limit."""
-    return lambda found: float(np.mean(found.ends_mm(study, case) < limit_mm))
+    return lambda results: float(np.mean(results.ends_mm(study, case) < limit_mm))
 
 
 def share_above(study: str, case: str, limit_mm: float) -> Measure:
     """Measure the share of a study's runs that end with |x2| above a limit, or fail."""
-    return lambda found: float(np.mean(found.ends_mm(study, case) > limit_mm))
+    return lambda results: float(np.mean(results.ends_mm(study, case) > limit_mm))
 
 
 def quantile_mm(study: str, case: str, q: float) -> Measure:
     """Measure a quantile of |x2| over a study's runs in mm, one that was really met."""
-    return lambda found: float(np.quantile(found.ends_mm(study, case), q, method="inverted_cdf"))
+    return lambda results: float(
+        np.quantile(results.ends_mm(study, case), q, method="inverted_cdf")
+    )
 
 
 def median_of_grid_mm(step: str, cost: str) -> Measure:
     """Measure the median of |x2| over the settings of a cost in `klab study weights`, in mm."""
-    return lambda found: float(
-        np.median(found.column(step, f"{step}.csv", "x2_last_mm", cost=cost))
+    return lambda results: float(
+        np.median(results.column(step, f"{step}.csv", "x2_last_mm", cost=cost))
     )
 
 
 def runs(study: str, case: str) -> Measure:
     """Measure how many runs a case of a study has."""
-    return lambda found: float(len(found.ends_mm(study, case)))
+    return lambda results: float(len(results.ends_mm(study, case)))
 
 
 def scaled(factor: float, measure: Measure) -> Measure:
     """Measure a number in another unit."""
-    return lambda found: factor * measure(found)
+    return lambda results: factor * measure(results)
 
 
 def ratio(above: Measure, below: Measure) -> Measure:
     """Measure how many times one number is the other."""
 
-    def of(found: StepResults) -> float:
-        numerator, denominator = above(found), below(found)
+    def of(results: StepResults) -> float:
+        numerator, denominator = above(results), below(results)
         if denominator == 0.0:
             return float("inf") if numerator > 0.0 else float("nan")
         return numerator / denominator
@@ -100,15 +102,15 @@ def ratio(above: Measure, below: Measure) -> Measure:
 
 def lost(case: Measure, reference: Measure) -> Measure:
     """Measure by how much one share is below another."""
-    return lambda found: reference(found) - case(found)
+    return lambda results: reference(results) - case(results)
 
 
 def paths_apart_m(step: str, one: str, other: str) -> Measure:
     """Measure the largest distance between two simulated paths at the same time, in m."""
 
-    def of(found: StepResults) -> float:
+    def of(results: StepResults) -> float:
         paths = [
-            np.column_stack([found.column(step, f"{name}.csv", x) for x in ("x1_m", "x2_m")])
+            np.column_stack([results.column(step, f"{name}.csv", x) for x in ("x1_m", "x2_m")])
             for name in (one, other)
         ]
         return float(np.linalg.norm(paths[0] - paths[1], axis=1).max())
@@ -119,8 +121,8 @@ def paths_apart_m(step: str, one: str, other: str) -> Measure:
 def value_falls(step: str, controller: str) -> Measure:
     """Measure how many times smaller the value function is at the end of a simulation."""
 
-    def of(found: StepResults) -> float:
-        values = found.column(step, f"{controller}.csv", "value")
+    def of(results: StepResults) -> float:
+        values = results.column(step, f"{controller}.csv", "value")
         return float(values[0] / max(values[-1], np.finfo(float).tiny))
 
     return of
@@ -132,9 +134,9 @@ def predicted(
     """Measure an error in the table of `klab validate`; the nominal equations are a model too."""
     how = {} if model == "nominal" else {"reprojection": str(reproject)}
 
-    def of(found: StepResults) -> float:
+    def of(results: StepResults) -> float:
         where = {"shape": shape, "model": model, "steps": str(steps)} | how
-        return float(found.column(step, "validation.csv", name, **where)[0])
+        return float(results.column(step, "validation.csv", name, **where)[0])
 
     return of
 
@@ -142,9 +144,9 @@ def predicted(
 def largest_ahead(step: str, name: str, model: str, steps: int) -> Measure:
     """Measure the largest error of all starts and runs in the table of `klab figure multistep`."""
 
-    def of(found: StepResults) -> float:
+    def of(results: StepResults) -> float:
         where = {"predictor": model, "steps": str(steps)}
-        return float(found.column(step, f"{step}.csv", f"largest_{name}", **where).max())
+        return float(results.column(step, f"{step}.csv", f"largest_{name}", **where).max())
 
     return of
 
@@ -152,9 +154,9 @@ def largest_ahead(step: str, name: str, model: str, steps: int) -> Measure:
 def share_better(step: str, name: str, model: str) -> Measure:
     """Measure at which share of starts and steps a model's mean error is below the nominal one."""
 
-    def of(found: StepResults) -> float:
+    def of(results: StepResults) -> float:
         ours, theirs = (
-            found.column(step, f"{step}.csv", f"mean_{name}", predictor=predictor)
+            results.column(step, f"{step}.csv", f"mean_{name}", predictor=predictor)
             for predictor in (model, "nominal")
         )
         return float(np.mean(ours < theirs))
@@ -165,16 +167,16 @@ def share_better(step: str, name: str, model: str) -> Measure:
 def mean_ahead(step: str, name: str, model: str, steps: int) -> Measure:
     """Measure the error averaged over runs and starts in the table of `klab figure multistep`."""
 
-    def of(found: StepResults) -> float:
+    def of(results: StepResults) -> float:
         where = {"predictor": model, "steps": str(steps)}
-        return float(found.column(step, f"{step}.csv", f"mean_{name}", **where).mean())
+        return float(results.column(step, f"{step}.csv", f"mean_{name}", **where).mean())
 
     return of
 
 
 def most_steps(step: str) -> Measure:
     """Measure how many steps the table of `klab figure multistep` looks ahead."""
-    return lambda found: float(found.column(step, f"{step}.csv", "steps").max())
+    return lambda results: float(results.column(step, f"{step}.csv", "steps").max())
 
 
 def off_path_m(step: str, shape: str, model: str, *, until: float = 1.0) -> Measure:
@@ -183,8 +185,8 @@ def off_path_m(step: str, shape: str, model: str, *, until: float = 1.0) -> Meas
     Up to a share ``until`` of the run's time.
     """
 
-    def of(found: StepResults) -> float:
-        predicted_path, driven = (_path(found, step, shape, who) for who in (model, "driven"))
+    def of(results: StepResults) -> float:
+        predicted_path, driven = (_path(results, step, shape, who) for who in (model, "driven"))
         apart = np.linalg.norm(predicted_path - driven, axis=1)
         return float(apart[: max(1, round(until * len(apart)))].max())
 
@@ -194,9 +196,9 @@ def off_path_m(step: str, shape: str, model: str, *, until: float = 1.0) -> Meas
 def turned_too_far_rad(step: str, shape: str, model: str) -> Measure:
     """Measure by how much the predicted heading is ahead of the driven one at the end, in rad."""
 
-    def of(found: StepResults) -> float:
+    def of(results: StepResults) -> float:
         headings = [
-            found.column(step, "dictionaries-paths.csv", "theta_rad", shape=shape, model=who)
+            results.column(step, "dictionaries-paths.csv", "theta_rad", shape=shape, model=who)
             for who in (model, "driven")
         ]
         return float(headings[0][-1] - headings[1][-1])
@@ -210,11 +212,11 @@ def jitter(step: str, axis: str, window: int) -> Measure:
     The desired velocities are constant or linear, so what jumps about the mean slope is noise.
     """
 
-    def of(found: StepResults) -> float:
+    def of(results: StepResults) -> float:
         jumps = []
         for index in ("0", "1", "2"):
             where = {"basis_index": index, "window": str(window)}
-            values = found.column(step, "samples-velocities.csv", JITTER_AXES[axis], **where)
+            values = results.column(step, "samples-velocities.csv", JITTER_AXES[axis], **where)
             steps = np.diff(values)
             jumps.append(steps - steps.mean())
         return float(np.sqrt(np.mean(np.concatenate(jumps) ** 2)))
@@ -225,9 +227,9 @@ def jitter(step: str, axis: str, window: int) -> Measure:
 def share_cut_short(step: str, basis_index: int, longest: int) -> Measure:
     """Measure the share of runs that ended before their time, in sampling times, was over."""
 
-    def of(found: StepResults) -> float:
+    def of(results: StepResults) -> float:
         file = "samples-positions.csv"
-        numbers = found.column(step, file, "run", basis_index=str(basis_index))
+        numbers = results.column(step, file, "run", basis_index=str(basis_index))
         lengths = np.unique(numbers, return_counts=True)[1]
         return float(np.mean(lengths < longest))
 
@@ -237,20 +239,20 @@ def share_cut_short(step: str, basis_index: int, longest: int) -> Measure:
 def largest_over_smallest(step: str, name: str, windows: tuple[int, ...]) -> Measure:
     """Measure how far a column of `klab dataset sweep` varies with the window, as a factor."""
 
-    def of(found: StepResults) -> float:
-        values = [found.column(step, f"{step}.csv", name, window=str(w))[0] for w in windows]
+    def of(results: StepResults) -> float:
+        values = [results.column(step, f"{step}.csv", name, window=str(w))[0] for w in windows]
         return float(max(values) / min(values))
 
     return of
 
 
-def _final(found: StepResults, step: str, controller: str) -> Array:
-    pose = found.summary(step, "controllers", controller, "final_pose")
+def _final(results: StepResults, step: str, controller: str) -> Array:
+    pose = results.summary(step, "controllers", controller, "final_pose")
     return np.array(pose if pose is not None else [np.nan] * 3, float)
 
 
-def _path(found: StepResults, step: str, shape: str, who: str) -> Array:
+def _path(results: StepResults, step: str, shape: str, who: str) -> Array:
     file = "dictionaries-paths.csv"
     return np.column_stack(
-        [found.column(step, file, x, shape=shape, model=who) for x in ("x1_m", "x2_m")]
+        [results.column(step, file, x, shape=shape, model=who) for x in ("x1_m", "x2_m")]
     )

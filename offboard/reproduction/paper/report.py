@@ -55,10 +55,10 @@ class Facts(NamedTuple):
     steps: Mapping[str, StepRecord]
 
     @property
-    def words(self) -> str:
+    def in_words(self) -> str:
         """Return how much was run, with what, and how long it took."""
-        minutes = sum(made.seconds for made in self.steps.values()) / 60.0
-        versions = "; ".join(dict.fromkeys(made.version for made in self.steps.values()))
+        minutes = sum(record.seconds for record in self.steps.values()) / 60.0
+        versions = "; ".join(dict.fromkeys(record.version for record in self.steps.values()))
         return (
             f"{self.size} Seed {self.seed}; version {versions}; the steps took {minutes:.0f} min "
             "together."
@@ -106,7 +106,7 @@ def _page(
         "Does Not Replace Geometry. What it says in sections 4 to 6, beside what the commands "
         "below found; the lab of the paper is stood in for by a simulated one."
     )
-    yield Text(f"{'QUICK RUN. ' if facts.quick else ''}{facts.words}")
+    yield Text(f"{'QUICK RUN. ' if facts.quick else ''}{facts.in_words}")
     if facts.quick:
         yield Text(
             "All verdicts are of this quick run; they may change with the numbers of the paper."
@@ -172,8 +172,8 @@ def _page(
     yield Table(
         ("step", "command", "s", "version"),
         [
-            (name, made.command, f"{made.seconds:.0f}", made.version)
-            for name, made in facts.steps.items()
+            (name, record.command, f"{record.seconds:.0f}", record.version)
+            for name, record in facts.steps.items()
         ],
     )
 
@@ -204,10 +204,10 @@ def _table_of(file: Path) -> Table:
 
 def _summed_up(folder: Path, grid: str) -> Table:
     """Return by cost what the largest |x2| of the last second is over the settings."""
-    found, file, name = StepResults(folder), f"{grid}.csv", "x2_last_mm"
+    results, file, name = StepResults(folder), f"{grid}.csv", "x2_last_mm"
     rows = []
-    for cost in dict.fromkeys(row["cost"] for row in found.rows(grid, file)):
-        ends = found.column(grid, file, name, cost=cost)
+    for cost in dict.fromkeys(row["cost"] for row in results.rows(grid, file)):
+        ends = results.column(grid, file, name, cost=cost)
         shares = [f"{100 * np.mean(ends < limit):.0f} %" for limit in GRID_LIMITS_MM]
         spread = [_short(str(value)) for value in np.quantile(ends, (0.0, 0.5, 1.0))]
         rows.append([cost, str(len(ends)), *spread, *shares])
@@ -225,7 +225,7 @@ def _short(cell: str) -> str:
 def _write_readme(folder: Path, facts: Facts, claims: Sequence[Judged]) -> None:
     page: list[Block] = [
         Text(
-            f"{'A quick run. ' if facts.quick else ''}{facts.words} {len(claims)} claims: "
+            f"{'A quick run. ' if facts.quick else ''}{facts.in_words} {len(claims)} claims: "
             f"{tally(claims)}."
         ),
         Table(

@@ -64,7 +64,7 @@ def _start(step: str, section: str, what: str, paper: str, pose: Sequence[float]
 
 
 def _start_value(step: str, component: int) -> of.Measure:
-    return lambda found: float(found.summary(step, "start")[component])
+    return lambda results: float(results.summary(step, "start")[component])
 
 
 def _draw(

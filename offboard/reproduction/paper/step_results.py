@@ -63,15 +63,15 @@ class StepResults:
         DataError
             If the file cannot be read, or has no such row.
         """
-        found = [
+        matching = [
             row
             for row in self._read(step, file)
             if all(row.get(column) == value for column, value in where.items())
         ]
-        if not found:
-            wanted = ", ".join(f"{column} {value}" for column, value in where.items())
-            raise DataError(f"{step}/{file}: no row with {wanted or 'numbers'}")
-        return found
+        if not matching:
+            conditions = ", ".join(f"{column} {value}" for column, value in where.items())
+            raise DataError(f"{step}/{file}: no row with {conditions or 'numbers'}")
+        return matching
 
     def column(self, step: str, file: str, name: str, **where: str) -> Array:
         """Return a column of numbers of these rows.

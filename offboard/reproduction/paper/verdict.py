@@ -24,7 +24,7 @@ class Rule(Protocol):
     def judge(self, value: float) -> Verdict:
         """Return the verdict on a number; one that is not a number never holds."""
 
-    def words(self, unit: str) -> str:
+    def in_words(self, unit: str) -> str:
         """Return what it takes to hold, and to hold weaker."""
 
 
@@ -41,9 +41,9 @@ class AtMost:
             return Verdict.HOLDS
         return Verdict.WEAKER if value <= self.weaker else Verdict.NOT
 
-    def words(self, unit: str) -> str:
+    def in_words(self, unit: str) -> str:
         """Return the limits in words."""
-        return _words("at most", self.limit, self.weaker, unit)
+        return _threshold_in_words("at most", self.limit, self.weaker, unit)
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ class AtLeast:
             return Verdict.HOLDS
         return Verdict.WEAKER if value >= self.weaker else Verdict.NOT
 
-    def words(self, unit: str) -> str:
+    def in_words(self, unit: str) -> str:
         """Return the limits in words."""
-        return _words("at least", self.limit, self.weaker, unit)
+        return _threshold_in_words("at least", self.limit, self.weaker, unit)
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Near:
         near = self.number / self.factor <= value <= self.number * self.factor
         return Verdict.WEAKER if near else Verdict.NOT
 
-    def words(self, unit: str) -> str:
+    def in_words(self, unit: str) -> str:
         """Return the limits in words."""
         return (
             f"within {100 * self.share:g} % of {number(self.number, unit)} "
@@ -99,7 +99,7 @@ class Same:
         same = math.isclose(value, self.number, rel_tol=self.tolerance, abs_tol=1e-9)
         return Verdict.HOLDS if same else Verdict.NOT
 
-    def words(self, unit: str) -> str:
+    def in_words(self, unit: str) -> str:
         """Return the number in words."""
         return f"equal to {number(self.number, unit)}"
 
@@ -118,12 +118,12 @@ def number(value: float, unit: str) -> str:
     """Return a number with its unit for a person to read; shares as percent."""
     if unit == "share":
         return f"{100 * value:.3g} %"
-    whole = value.is_integer() or abs(value) >= LARGE
-    text = f"{value:.0f}" if whole and abs(value) < HUGE else f"{value:.3g}"
+    is_whole = value.is_integer() or abs(value) >= LARGE
+    text = f"{value:.0f}" if is_whole and abs(value) < HUGE else f"{value:.3g}"
     return f"{text} {unit}".rstrip()
 
 
-def _words(how: str, limit: float, weaker: float, unit: str) -> str:
+def _threshold_in_words(how: str, limit: float, weaker: float, unit: str) -> str:
     if limit == weaker:
         return f"{how} {number(limit, unit)}"
     return f"{how} {number(limit, unit)} (weaker: {number(weaker, unit)})"
