@@ -1,6 +1,7 @@
 """Between the wire and the inside: times are int64 microseconds, counters wrap at 32 bit."""
 
 US_PER_S = 1_000_000
+PPM = 1e-6
 COUNTER_RANGE = 1 << 32
 """Encoder counters are 32 bit wide on the wire."""
 HALF_RANGE = COUNTER_RANGE // 2

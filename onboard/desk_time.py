@@ -6,7 +6,7 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.emulation.drifting_clock import PPM
+from koopman_lab.units import PPM
 from onboard.time_sync import Exchange, TimeSync
 
 

@@ -9,8 +9,7 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from koopman_lab.config.robot_side import Clock
-from koopman_lab.emulation.drifting_clock import PPM
-from koopman_lab.units import US_PER_S
+from koopman_lab.units import PPM, US_PER_S
 
 LONGEST_ROUND_TRIP_US = US_PER_S
 """Later answers tell nothing: they are a replayed log, or a desk that stood still."""

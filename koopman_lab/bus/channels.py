@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
 
 import lcmtypes
+from koopman_lab.bus.replay_guard import Replayed
 from koopman_lab.errors import BusError
 
 if TYPE_CHECKING:
@@ -71,6 +72,8 @@ class Channel(Generic[M]):
     logged: bool = True
     wired: bool = False
     """Never crosses the radio: the board's own hardware, or what goes wrong with the radio."""
+    replayed: Replayed = "passes"
+    """What keeps a log that is sent again off those who act on the channel."""
 
     def name(self, robot_name: str) -> str:
         """Return the channel name on the bus, for example ``R1_MOCAP_POSE``."""
@@ -92,8 +95,10 @@ class Channel(Generic[M]):
 
 
 MOCAP_POSE = Channel("MOCAP_POSE", lcmtypes.mocap_pose_t, "mocap", "plant")
-ENCODER = Channel("ENCODER", lcmtypes.encoder_t, "motor", "plant", wired=True)
-MOTOR_CMD = Channel("MOTOR_CMD", lcmtypes.motor_command_t, "motor", "onboard", wired=True)
+ENCODER = Channel("ENCODER", lcmtypes.encoder_t, "motor", "plant", wired=True, replayed="stream")
+MOTOR_CMD = Channel(
+    "MOTOR_CMD", lcmtypes.motor_command_t, "motor", "onboard", wired=True, replayed="stream"
+)
 WHEEL_STATE = Channel("WHEEL_STATE", lcmtypes.wheel_state_t, "wheel_state", "onboard")
 ONBOARD_STATUS = Channel("ONBOARD_STATUS", lcmtypes.onboard_status_t, "status", "onboard")
 VELOCITY_CMD = Channel("VELOCITY_CMD", lcmtypes.velocity_command_t, "control", "commander")
@@ -101,9 +106,9 @@ ACCELERATION_CMD = Channel(
     "ACCELERATION_CMD", lcmtypes.acceleration_command_t, "control", "commander"
 )
 ESTOP = Channel("ESTOP", lcmtypes.estop_t, "event", "operator")
-PLANT_RESET = Channel("PLANT_RESET", lcmtypes.plant_reset_t, "event", "operator")
+PLANT_RESET = Channel("PLANT_RESET", lcmtypes.plant_reset_t, "event", "operator", replayed="order")
 GOAL = Channel("GOAL", lcmtypes.goal_t, "event", "operator")
-FAULT = Channel("FAULT", lcmtypes.fault_t, "event", "operator", wired=True)
+FAULT = Channel("FAULT", lcmtypes.fault_t, "event", "operator", wired=True, replayed="order")
 PLANT_TRUTH = Channel("PLANT_TRUTH", lcmtypes.plant_truth_t, "motor", "plant")
 SAMPLER_STATE = Channel("SAMPLER_STATE", lcmtypes.sampler_state_t, "control", "sampler")
 REFERENCE_STATE = Channel("REFERENCE_STATE", lcmtypes.reference_state_t, "control", "reference")

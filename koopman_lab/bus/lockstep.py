@@ -15,7 +15,8 @@ from typing import Any
 
 from koopman_lab.bus.channels import Channel, M
 from koopman_lab.bus.node import Node
-from koopman_lab.bus.port import BasePort, Deliver
+from koopman_lab.bus.port import BasePort, Wrap
+from koopman_lab.bus.subscription import Deliver
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 
@@ -28,7 +29,7 @@ class LockstepPort(BasePort):
     virtual = True
 
     def __init__(self, node_name: str, config: LabConfig, runner: Lockstep, order: int) -> None:
-        super().__init__(node_name, config, runner.process, start_us=runner.now_us)
+        super().__init__(node_name, config, runner.process)
         self._runner = runner
         self._order = order
         self.audience = runner.routes
@@ -88,15 +89,15 @@ class Lockstep:
         self._sequence = count()
         self._injector: LockstepPort | None = None
 
-    def add(self, node: Node) -> None:
-        """Attach a node; its order is the order of adding."""
+    def add(self, node: Node, wrap: Wrap | None = None) -> None:
+        """Attach a node, to what ``wrap`` makes of its port; its order is the order of adding."""
         order = len(self._ports)
         port = LockstepPort(node.name, self._config, self, order)
-        port.attach(node)
+        port.attach(node, wrap)
         self._nodes.append(node)
         self._ports.append(port)
-        for name in port.subscriptions:
-            self.routes.setdefault(name, []).append((order, port.receiver(name)))
+        for name, subscription in port.subscriptions.items():
+            self.routes.setdefault(name, []).append((order, subscription.arrive))
         for timer in port.timers:
             timer.start(self.now_us)
             item = (timer.deadline_us, 2 * order + TIMER, next(self._sequence), timer)

@@ -22,7 +22,7 @@ Tick = Callable[[int], None]
 class Port(Protocol):
     """A node's side of the bus; times are int64 microseconds of a clock that does not step.
 
-    That clock is the node's own: the board's differs from the desk's, and a fault can set it.
+    That clock is the node's own, which can differ from that of other nodes.
     """
 
     robot_name: str

@@ -5,20 +5,15 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Container
 from functools import partial
+from itertools import count
 
 import lcmtypes
-from koopman_lab.bus.channels import ABOARD, FAULT, HEARTBEATS, PLANT_RESET, Channel, M, Message
-from koopman_lab.bus.node import Node, RawHandler, Tick
-from koopman_lab.bus.subscription import Subscription
+from koopman_lab.bus.channels import HEARTBEATS, Channel, M
+from koopman_lab.bus.node import Node, Port, RawHandler, Tick
+from koopman_lab.bus.replay_guard import guard_of
+from koopman_lab.bus.subscription import Deliver, Subscription
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.emulation.drifting_clock import DriftingClock
-from koopman_lab.emulation.faults import Faults, fault_of
-from koopman_lab.emulation.radio import RadioPair, radio_pair
-from koopman_lab.emulation.wire import Wire
 from koopman_lab.units import US_PER_S
-
-Deliver = Callable[[bytes, int], None]
-"""Called with the bytes of a message and the time in us."""
 
 
 class Timer:
@@ -66,15 +61,6 @@ class Timer:
         self.deadline_us = self._start_us + round(index * self._period_us)
 
 
-class Publication:
-    """One channel that a node speaks on."""
-
-    def __init__(self, name: str, by_radio: bool) -> None:
-        self.name = name
-        self.by_radio = by_radio
-        self.next_sequence = 0
-
-
 class Anything:
     """Contains whatever is asked for."""
 
@@ -84,13 +70,19 @@ class Anything:
 
 
 class BasePort(ABC):
-    """The part of :class:`koopman_lab.bus.node.Port` that does not depend on the runner."""
+    """The part of :class:`koopman_lab.bus.node.Port` that does not depend on the runner.
+
+    What is simulated between a node and the bus is a port wrapped around this one
+    (:mod:`koopman_lab.emulation`). Besides a node's methods it uses :meth:`bus_us`, :meth:`later`,
+    :meth:`number` and :meth:`send` to publish in its own way, and :meth:`subscription` to put
+    something between the bus and a handler.
+    """
 
     virtual: bool
     audience: Container[str] = Anything()
     """The channels on the bus that somebody may listen to."""
 
-    def __init__(self, node_name: str, config: LabConfig, process: int, start_us: int) -> None:
+    def __init__(self, node_name: str, config: LabConfig, process: int) -> None:
         self.robot_name = config.robot.name
         self.subscriptions: dict[str, Subscription] = {}
         """By channel name."""
@@ -99,15 +91,9 @@ class BasePort(ABC):
         self.worst_lateness_us = 0
         self._node_name = node_name
         self.process = process
-        self._publications: dict[str, Publication] = {}
+        self._publications: dict[str, tuple[str, count[int]]] = {}
+        """By suffix: the channel's name, and the numbers of the messages to come."""
         self._heartbeat_rate_hz = config.bus.heartbeat_rate_hz
-        self._radio: RadioPair | None = None
-        self._clock: DriftingClock | None = None
-        if node_name == ABOARD:
-            self._faults = Faults(config.faults, start_us)
-            self._radio = radio_pair(config)
-            self._clock = DriftingClock(config.clock, start_us, self._faults)
-            self.subscribe(FAULT, self._on_fault)
 
     @abstractmethod
     def bus_us(self) -> int:
@@ -115,8 +101,7 @@ class BasePort(ABC):
 
     def now_us(self) -> int:
         """Return the present time by the node's own clock (us)."""
-        bus_us = self.bus_us()
-        return bus_us if self._clock is None else self._clock.read(bus_us)
+        return self.bus_us()
 
     @abstractmethod
     def send(self, name: str, data: bytes) -> None:
@@ -126,78 +111,59 @@ class BasePort(ABC):
     def later(self, at_us: int, take: Deliver, data: bytes) -> None:
         """Hand over a message at ``at_us`` or, in real time, as soon after as it can."""
 
-    def attach(self, node: Node) -> None:
-        """Let the node register itself, then add its heartbeat."""
-        node.attach(self)
-        self.every(self._heartbeat_rate_hz, self._heartbeat)
+    def attach(self, node: Node, wrap: Wrap | None = None) -> None:
+        """Let the node register itself, then add its heartbeat.
+
+        What ``wrap`` returns, if there is one, stands between this port and the node.
+        """
+        port: Port = self if wrap is None else wrap(self)
+        node.attach(port)
+        port.every(self._heartbeat_rate_hz, partial(self._heartbeat, port))
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message with the next sequence number of its channel."""
-        publication = self._publications.get(channel.suffix) or self._open(channel)
-        message.sequence = publication.next_sequence
-        publication.next_sequence += 1
-        if publication.by_radio:
-            self._transmit(publication.name, message)
-        elif publication.name in self.audience:
-            self.send(publication.name, message.encode())
+        name = self.number(channel, message)
+        if name in self.audience:
+            self.send(name, message.encode())
 
-    def _open(self, channel: Channel[M]) -> Publication:
-        by_radio = self._radio is not None and not channel.wired
-        publication = Publication(channel.name(self.robot_name), by_radio)
-        self._publications[channel.suffix] = publication
-        return publication
-
-    def _transmit(self, name: str, message: Message) -> None:
-        assert self._radio is not None
-        now_us = self.bus_us()
-        # Numbered before the radio, so that the others see what it loses; its luck hangs on every
-        # message, also on those that nobody hears.
-        arrivals_us = self._radio.from_robot.arrivals(now_us, self._faults.at(now_us).loss)
-        if name not in self.audience:
-            return
-        data = message.encode()
-        for at_us in arrivals_us:
-            if at_us <= now_us:
-                self.send(name, data)
-            else:
-                self.later(at_us, lambda data, _: self.send(name, data), data)
+    def number(self, channel: Channel[M], message: M) -> str:
+        """Give a message the next number of its channel; return the channel's name on the bus."""
+        publication = self._publications.get(channel.suffix)
+        if publication is None:
+            publication = self._publications[channel.suffix] = (
+                channel.name(self.robot_name),
+                count(),
+            )
+        name, numbers = publication
+        message.sequence = next(numbers)
+        return name
 
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
         """Call ``handler`` with every message of a channel that can be decoded.
 
-        A message is decoded once, however many handlers a node has for its channel.
+        A message is decoded once, however many handlers a node has for its channel. Who has it
+        decoded acts on it: what is a log's is kept off, where the channel says so.
         """
-        self._subscription(channel).handlers.append(handler)
+        subscription = self.subscription(channel)
+        if not subscription.handlers:
+            subscription.guard = guard_of(channel.replayed)
+        subscription.handlers.append(handler)
 
     def subscribe_raw(self, channel: Channel[M], handler: RawHandler) -> None:
         """Call ``handler`` with every message of a channel as bytes."""
-        self._subscription(channel).raw_handlers.append(handler)
+        self.subscription(channel).raw_handlers.append(handler)
 
-    def _subscription(self, channel: Channel[M]) -> Subscription:
+    def subscription(self, channel: Channel[M]) -> Subscription:
+        """Return what messages of a channel go through; the first call begins to listen."""
         name = channel.name(self.robot_name)
         subscription = self.subscriptions.get(name)
         if subscription is None:
-            wired_end = channel.wired and self._node_name in (ABOARD, "plant")
-            subscription = self.subscriptions[name] = Subscription(
-                name,
-                channel.type,
-                self._clock,
-                by_radio=self._radio is not None and not channel.wired,
-                wire=Wire() if wired_end and channel.rate != "event" else None,
-                by_hand=channel in (FAULT, PLANT_RESET),
-                restamped=channel.wired,
-            )
+            subscription = self.subscriptions[name] = Subscription(name, channel.type)
         return subscription
 
     def every(self, rate_hz: float, tick: Tick) -> None:
-        """Call ``tick`` at absolute deadlines.
-
-        They keep the pace of the bus, also aboard: on a real board motor ticks and encoder
-        readings hang on one crystal, and the plant's encoders could not slide along with another.
-        """
-        clock = self._clock
-        own_tick = tick if clock is None else lambda bus_us: tick(clock.read(bus_us))
-        self.timers.append(Timer(rate_hz, own_tick))
+        """Call ``tick`` at absolute deadlines."""
+        self.timers.append(Timer(rate_hz, tick))
 
     def finish(self) -> None:
         """Tell the runner that this node's work is done."""
@@ -214,36 +180,11 @@ class BasePort(ABC):
             name: subscription.counter.lost for name, subscription in self.subscriptions.items()
         }
 
-    def receiver(self, name: str) -> Deliver:
-        """Return what takes a channel's messages off the bus.
-
-        The radio may bring one to the node later, twice, or never.
-        """
-        subscription = self.subscriptions[name]
-        return (
-            partial(self._receive_by_radio, subscription)
-            if subscription.by_radio
-            else subscription.receive
-        )
-
-    def _receive_by_radio(self, subscription: Subscription, data: bytes, sent_us: int) -> None:
-        assert self._radio is not None
-        for at_us in self._radio.to_robot.arrivals(sent_us, self._faults.at(sent_us).loss):
-            if at_us <= sent_us:
-                subscription.receive(data, at_us)
-            else:
-                self.later(at_us, subscription.receive, data)
-
-    def _on_fault(self, message: lcmtypes.fault_t) -> None:
-        fault = fault_of(message)
-        if fault is not None:
-            self._faults.inject(fault, self.bus_us())
-
     def ticks(self) -> tuple[int, int]:
         """Return ``(run, missed)`` over all timers."""
         return sum(t.run for t in self.timers), sum(t.missed for t in self.timers)
 
-    def _heartbeat(self, now_us: int) -> None:
+    def _heartbeat(self, port: Port, now_us: int) -> None:
         channel = HEARTBEATS.get(self._node_name)
         if channel is None:
             return
@@ -255,4 +196,8 @@ class BasePort(ABC):
         status.lost_messages = sum(self.lost_messages().values())
         status.undecodable_messages = self.undecodable
         self.worst_lateness_us = 0
-        self.publish(channel, status)
+        port.publish(channel, status)
+
+
+Wrap = Callable[[BasePort], Port]
+"""Returns a port for the node, which stands around that of the runner."""

@@ -20,7 +20,8 @@ from koopman_lab.bus.channels import Channel, M
 from koopman_lab.bus.multicast import drain, open_lcm, subscribe
 from koopman_lab.bus.node import Node, RawHandler
 from koopman_lab.bus.pacing import TickTimes
-from koopman_lab.bus.port import BasePort, Deliver
+from koopman_lab.bus.port import BasePort, Wrap
+from koopman_lab.bus.subscription import Deliver
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 
@@ -48,8 +49,8 @@ class RealtimePort(BasePort):
     virtual = False
 
     def __init__(self, node_name: str, config: LabConfig, bus: lcm.LCM) -> None:
+        super().__init__(node_name, config, os.getpid())
         self._bus_clock = Clock()
-        super().__init__(node_name, config, os.getpid(), self.bus_us())
         self._pending: list[tuple[int, int, Deliver, bytes]] = []
         self._pushed = count()
         self.bus = bus
@@ -86,7 +87,7 @@ class RealtimePort(BasePort):
 
     def hear(self, name: str) -> None:
         """Subscribe at LCM to a channel that has a handler."""
-        take = self.receiver(name)
+        take = self.subscriptions[name].arrive
         subscribe(self.bus, name, lambda _, data: take(data, self.bus_us()))
 
     def drain(self) -> None:
@@ -138,6 +139,7 @@ def run_node(
     node: Node,
     config: LabConfig,
     *,
+    wrap: Wrap | None = None,
     lifeline_fd: int | None = None,
     tick_times: TickTimes | None = None,
 ) -> RunStatistics:
@@ -147,6 +149,8 @@ def run_node(
     ----------
     node
         What to run; its ``close`` is called in every case.
+    wrap
+        Returns the port that the node has, around that of the bus.
     lifeline_fd
         Read end of a pipe whose write end the supervisor holds and never writes to. When the
         supervisor dies, even by SIGKILL, the pipe ends and so does this node.
@@ -168,7 +172,7 @@ def run_node(
     stop = StopSignals()
     with stop.installed():
         try:
-            port.attach(node)
+            port.attach(node, wrap)
             port.listen()
             _loop(port, stop, lifeline_fd, tick_times)
         finally:

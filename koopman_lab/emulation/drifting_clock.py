@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from koopman_lab.config.robot_side import Clock
 from koopman_lab.emulation.faults import Faults
-from koopman_lab.units import US_PER_S
-
-PPM = 1e-6
+from koopman_lab.units import PPM, US_PER_S
 
 
 class DriftingClock:

@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 from koopman_lab.bus.channels import ABOARD, CHANNELS, DRIVERS, HEARTBEATS
 from koopman_lab.bus.sequence import SequenceCounter
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.emulation.drifting_clock import PPM
 from koopman_lab.errors import LogError
 from koopman_lab.eventlog.eventlog import Event
 from koopman_lab.replay.replay import rhythm
-from koopman_lab.units import US_PER_S
+from koopman_lab.units import PPM, US_PER_S
 
 LATEST_START_S = 5.0
 """A log that begins later after the node's start does not hold what the node went through."""

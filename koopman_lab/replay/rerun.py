@@ -11,11 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from koopman_lab.bus.channels import CHANNELS, DRIVERS, Channel, Owner
+from koopman_lab.bus.channels import ABOARD, CHANNELS, DRIVERS, Channel, Owner
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node, Port
-from koopman_lab.bus.port import Deliver
+from koopman_lab.bus.subscription import Deliver
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.emulation.board import emulated_board
 from koopman_lab.eventlog.eventlog import Event
 from koopman_lab.replay.recorded_process import RecordedProcess
 from koopman_lab.units import US_PER_S
@@ -117,8 +118,12 @@ def rerun(
     collector = _Collector(mine)
     lab = Lockstep(config, process.start_us, process.process)
     here = place_of(node.name)  # type: ignore[arg-type]
+    board = emulated_board(config) if node.name == ABOARD else None
     for place in range(len(PLACES)):
-        lab.add(node if place == here else collector if place == LOGGER else _Nobody())
+        if place == here:
+            lab.add(node, board)
+        else:
+            lab.add(collector if place == LOGGER else _Nobody())
     places = {c.name(config.robot.name): place_of(c.publisher) for c in CHANNELS}
     before_us = None
     for event in events:

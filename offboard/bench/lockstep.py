@@ -83,8 +83,8 @@ def _lab(config: LabConfig) -> tuple[Lockstep, Slalom]:
     from offboard.lab import nodes
 
     lab, slalom = Lockstep(config), Slalom(config)
-    for node in (nodes.plant(config), nodes.onboard(config), slalom):
-        lab.add(node)
+    nodes.add_robot(lab, config)
+    lab.add(slalom)
     lab.run(WARM_UP_S)
     return lab, slalom
 

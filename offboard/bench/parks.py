@@ -148,7 +148,8 @@ def park_once(config: LabConfig, prediction: PredictionModel, start: Pose) -> Pa
     lab, node, witness = Lockstep(placed), ControllerNode(placed, prediction), Witness()
     with tempfile.TemporaryDirectory() as folder:
         log = LoggerNode(placed, Path(folder) / "session.lcm")
-        for each in (nodes.plant(placed), nodes.onboard(placed), log, node, witness):
+        nodes.add_robot(lab, placed)
+        for each in (log, node, witness):
             lab.add(each)
         try:
             lab.run(config.controller.time_limit_s + AFTER_LIMIT_S)

@@ -13,6 +13,7 @@ from offboard.terminal import options
 
 if TYPE_CHECKING:
     from koopman_lab.bus.node import Node
+    from koopman_lab.bus.port import Wrap
     from koopman_lab.config.schema import LabConfig
 
 app = typer.Typer(help="Run one process in the foreground until Ctrl-C.", no_args_is_help=True)
@@ -68,12 +69,13 @@ def onboard(
 
     Example: klab run onboard --robot dynamic --set motor_loop.watchdog_s=0.2
     """
+    from koopman_lab.emulation.board import emulated_board
     from offboard.lab import nodes
 
     lab = options.resolve(
         config, overrides, options.kind_of(robot), preset, url=url, robot_name=robot_name
     )
-    _run_timed(nodes.onboard(lab), lab, tick_times, lifeline_fd)
+    _run_timed(nodes.onboard(lab), lab, tick_times, lifeline_fd, emulated_board(lab))
 
 
 @app.command(hidden=True)
@@ -105,12 +107,19 @@ def slalom(config: options.ConfigFile = None, lifeline_fd: Lifeline = None) -> N
     run_node(Slalom(lab), lab, lifeline_fd=lifeline_fd)
 
 
-def _run_timed(node: Node, lab: LabConfig, file: Path | None, lifeline_fd: int | None) -> None:
+def _run_timed(
+    node: Node,
+    lab: LabConfig,
+    file: Path | None,
+    lifeline_fd: int | None,
+    wrap: Wrap | None = None,
+) -> None:
     from koopman_lab.bus.pacing import TickTimes
     from koopman_lab.bus.realtime import run_node
 
     times = TickTimes()
-    run_node(node, lab, lifeline_fd=lifeline_fd, tick_times=times if file else None)
+    ticks = times if file is not None else None
+    run_node(node, lab, wrap=wrap, lifeline_fd=lifeline_fd, tick_times=ticks)
     if file is not None:
         times.save(file)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.emulation.board import emulated_board
 from offboard.lab.run_folder import RunFolder
 from offboard.lab.session_watch import RobotWatchNode
 from offboard.logger.node import LoggerNode
@@ -36,7 +37,13 @@ def lockstep_lab(
     """
     resume = resume_us is not None
     lab = Lockstep(config, resume_us or 0)
-    standing = plant(config), onboard(config), logger(config, folder, resume=resume)
-    for node in (*standing, commander, RobotWatchNode(config)):
+    add_robot(lab, config)
+    for node in (logger(config, folder, resume=resume), commander, RobotWatchNode(config)):
         lab.add(node)
     return lab
+
+
+def add_robot(lab: Lockstep, config: LabConfig) -> None:
+    """Add the plant, and the motor loop behind the radio and the clock of a simulated board."""
+    lab.add(plant(config))
+    lab.add(onboard(config), emulated_board(config))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Literal, NamedTuple
 
+from koopman_lab.bus.age import is_current
 from koopman_lab.bus.commanders import NOBODY
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
@@ -108,7 +109,9 @@ class CommandArbiter:
 
         One that seems to lie ahead tells of a clock that was set back: its age is not known.
         """
-        return self.holder != NOBODY and abs(now_us - self._accepted_at_us) > self._watchdog_us
+        return self.holder != NOBODY and not is_current(
+            self._accepted_at_us, now_us, self._watchdog_us
+        )
 
     def revoke(self) -> None:
         """Take the robot from whoever holds it."""
@@ -118,7 +121,7 @@ class CommandArbiter:
         for u, largest in zip((command.u1, command.u2), self._largest_u, strict=True):
             if not math.isfinite(u) or abs(u) > largest * (1.0 + ROUNDING):
                 return "value"
-        if abs(now_us - command.utime) > self._lifetime_us:
+        if not is_current(command.utime, now_us, self._lifetime_us):
             return "stale"
         if self.holder == NOBODY:
             begins = command.intent is Intent.BEGIN and command.commander != NOBODY

@@ -1,8 +1,13 @@
-"""A replayed log never moves a robot that is alive, whatever plays it."""
+"""A replayed log never moves a robot that is alive, whatever plays it.
+
+All of it holds for a simulated robot, whose board has a radio and a clock of its own, and for a
+real one, whose program has the bus itself, with a driver that speaks ENCODER.
+"""
 
 from pathlib import Path
 
 import pytest
+from tests_support import lab_of
 
 import lcmtypes
 from koopman_lab.bus import channels
@@ -10,7 +15,6 @@ from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config
 from koopman_lab.config.robot_side import Fault
 from koopman_lab.emulation.faults import fault_message
-from koopman_lab.emulation.wire import SILENCE_US, Wire
 from koopman_lab.eventlog.eventlog import read_events
 from koopman_lab.geometry.planar import Pose
 from koopman_lab.units import US_PER_S
@@ -21,54 +25,67 @@ from onboard.plant.node import PlantNode
 
 LOG = Path(__file__).parents[1] / "data" / "reference" / "calibration.lcm"
 NOW_US = 1_800_000_000 * US_PER_S
-TICK_US = 10_000
+BOARDS = ("simulated", "real")
 
 
-def test_a_wire_takes_its_stream_and_not_an_old_one():
-    wire = Wire()
-    for k in range(10):
-        assert wire.takes(NOW_US + k * TICK_US, k * TICK_US)
-        assert not wire.takes(k, k * TICK_US + 1)
-
-
-def test_a_wire_follows_a_sender_whose_clock_was_set():
-    wire = Wire()
-    assert wire.takes(NOW_US, 0)
-    assert wire.takes(NOW_US - US_PER_S // 2, TICK_US), "back by less than any log's age"
-    assert wire.takes(NOW_US + 3600 * US_PER_S, 2 * TICK_US)
-    back = [wire.takes(NOW_US + k * TICK_US, (2 + k) * TICK_US) for k in range(1, 8)]
-    assert back == [k * TICK_US >= SILENCE_US for k in range(1, 8)]
-
-
-@pytest.mark.parametrize("offset_s", [0.25, -30.0])
-@pytest.mark.parametrize("speed", [1, 3])
-def test_a_session_replayed_onto_a_live_robot_does_not_move_it(offset_s, speed):
-    """Commands are stale, and the wire knows its own motor duties and encoder counts."""
-    config = load_config(overrides=[f"clock.offset_s={offset_s}"])
-    lab, plant, onboard = Lockstep(config, NOW_US), PlantNode(config), OnboardNode(config)
+def robot(board, *overrides):
+    """Return a lab, its plant and its motor loop; the plant drives the motors of the real one."""
+    config = load_config(overrides=overrides)
+    plant, onboard = PlantNode(config), OnboardNode(config)
+    if board == "simulated":
+        return lab_of(config, plant, onboard, start_us=NOW_US), plant, onboard
+    lab = Lockstep(config, NOW_US)
     lab.add(plant)
     lab.add(onboard)
-    lab.run(1.0)
-    where, begin_us = plant.plant.pose, lab.now_us
-    commands = 0
+    return lab, plant, onboard
+
+
+def replay(lab, speed=1):
+    """Send a session again from now on; return how many commands it holds."""
+    commands, begin_us = 0, lab.now_us
     for event in read_events(LOG):
         commands += event.channel == channels.VELOCITY_CMD.name("R1")
         at_us, name = begin_us + event.timestamp_us // speed, event.channel
         lab.push(at_us, 4, lambda data, _, name=name: lab.send(name, data), event.data)
     assert commands > 100
+    return commands
+
+
+@pytest.mark.parametrize(
+    ("board", "offset_s"), [("simulated", 0.25), ("simulated", -30.0), ("real", 0.0)]
+)
+@pytest.mark.parametrize("speed", [1, 3])
+def test_a_session_replayed_onto_a_live_robot_does_not_move_it(board, offset_s, speed):
+    """Commands are stale, and both ends of the wire know whom they follow."""
+    lab, plant, onboard = robot(board, f"clock.offset_s={offset_s}")
+    lab.run(1.0)
+    where = plant.plant.pose
+    commands = replay(lab, speed)
     for _ in range(120 // speed):
         lab.run(0.1)
         assert plant.plant.pose == where
         assert onboard.loop.state is State.REST
     counts = onboard.loop.arbiter.counts
     assert counts.accepted == 0
-    assert counts.refused["stale"] >= 0.95 * commands  # the radio loses a few
+    assert counts.refused["stale"] >= 0.95 * commands  # a simulated radio loses a few
 
 
-def test_a_release_from_a_log_does_not_undo_the_emergency_stop():
-    config = load_config()
-    lab, onboard = Lockstep(config, NOW_US), OnboardNode(config)
-    lab.add(onboard)
+@pytest.mark.parametrize("board", BOARDS)
+def test_a_robot_that_is_switched_on_into_a_replay_is_not_moved_by_it(board):
+    """Its own hardware may speak later than the log: it is followed from its first word."""
+    lab, plant, onboard = robot(board)
+    replay(lab)
+    lab.run(1.0)
+    where = plant.plant.pose
+    for _ in range(100):
+        lab.run(0.1)
+        assert plant.plant.pose == where
+        assert onboard.loop.state is State.REST
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_a_release_from_a_log_does_not_undo_the_emergency_stop(board):
+    lab, _, onboard = robot(board)
     lab.run(0.5)
 
     def say(engaged, age_s):
@@ -86,10 +103,9 @@ def test_a_release_from_a_log_does_not_undo_the_emergency_stop():
     assert onboard.loop.state is State.REST
 
 
-def test_a_hand_or_a_fault_from_a_log_does_nothing_to_the_robot_of_today():
-    lab, plant = Lockstep(load_config(), NOW_US), PlantNode(load_config())
-    lab.add(plant)
-    lab.add(OnboardNode(load_config()))
+@pytest.mark.parametrize("board", BOARDS)
+def test_a_hand_or_a_fault_from_a_log_does_nothing_to_the_robot_of_today(board):
+    lab, plant, _ = robot(board)
     lab.run(0.5)
     where = plant.plant.pose
 
@@ -106,3 +122,14 @@ def test_a_hand_or_a_fault_from_a_log_does_nothing_to_the_robot_of_today():
     say(0.0)
     assert plant.plant.pose.x1 > 0.9
     assert plant.plant.battery_v() < 6.5
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_only_a_simulated_board_obeys_a_fault_of_its_radio_or_its_clock(board):
+    lab, _, onboard = robot(board)
+    lab.run(0.5)
+    for kind in ("radio_cut", "clock_jump"):
+        lab.publish(channels.FAULT, fault_message(Fault(kind=kind), lab.now_us))
+    lab.run(0.2)
+    jumped = onboard._port.now_us() - lab.now_us > 5 * US_PER_S
+    assert jumped == (board == "simulated")

@@ -1,4 +1,5 @@
 import pytest
+from tests_support import lab_of
 
 import lcmtypes
 from koopman_lab.bus import channels
@@ -117,8 +118,7 @@ def utime(name, data, _):
 
 
 def listen(config, joined_s):
-    lockstep, listener = Lockstep(config), Listener()
-    lockstep.add(Aboard())
+    lockstep, listener = lab_of(config, Aboard()), Listener()
     lockstep.run(joined_s)
     lockstep.add(listener)
     lockstep.run(1.0 - joined_s)

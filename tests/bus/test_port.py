@@ -18,7 +18,7 @@ class Loop(BasePort):
     virtual = True
 
     def __init__(self):
-        super().__init__("plant", CONFIG, process=0, start_us=0)
+        super().__init__("plant", CONFIG, process=0)
         self.sent = []
 
     def bus_us(self):
@@ -27,8 +27,8 @@ class Loop(BasePort):
     def send(self, name, data):
         self.sent.append((name, data))
 
-    def later(self, at_us, action):
-        self.sent.append((at_us, action))
+    def later(self, at_us, take, data):
+        take(data, at_us)
 
 
 def test_late_ticks_are_skipped_and_counted_never_caught_up():
@@ -111,7 +111,7 @@ def test_no_bytes_make_a_port_raise(data):
     port = Loop()
     seen = []
     port.subscribe(channels.ENCODER, seen.append)
-    port.receiver("R1_ENCODER")(data, 0)
+    port.subscriptions["R1_ENCODER"].arrive(data, 0)
     assert port.undecodable == 1
     assert not seen
 

@@ -4,10 +4,10 @@ import math
 
 import lcm
 import pytest
+from tests_support import lab_of
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config, parse_config
 from koopman_lab.errors import ModelError
 from koopman_lab.geometry.planar import Pose, compose, relative_to
@@ -32,13 +32,11 @@ class Lab:
         placed = [f"plant.initial_pose={list(pose)}", *overrides]
         self.config = load_config(robot=robot, overrides=placed)
         self.log = folder / "session.lcm"
-        self.lockstep = Lockstep(self.config)
         self.plant = PlantNode(self.config)
         prediction = NominalPrediction(robot, self.config.controller.dt_s)
         self.controller = ControllerNode(self.config, prediction, GOAL)
         onboard, logger = OnboardNode(self.config), LoggerNode(self.config, self.log)
-        for node in (self.plant, onboard, logger, self.controller):
-            self.lockstep.add(node)
+        self.lockstep = lab_of(self.config, self.plant, onboard, logger, self.controller)
 
     def run(self, limit_s=30.0):
         finished = self.lockstep.run(limit_s)
@@ -123,10 +121,9 @@ def test_an_emergency_stop_fails_the_run_and_it_does_not_go_on_after_the_release
 
 def test_without_a_logger_the_robot_is_not_moved():
     config = load_config(robot="kinematic")
-    lockstep, plant = Lockstep(config), PlantNode(config)
+    plant = PlantNode(config)
     node = ControllerNode(config, NominalPrediction("kinematic", 0.05), GOAL)
-    for part in (plant, OnboardNode(config), node):
-        lockstep.add(part)
+    lockstep = lab_of(config, plant, OnboardNode(config), node)
     assert not lockstep.run(1.0)
     outcome = node.outcome()
     assert (outcome.state, outcome.reason) == ("WAIT", "waits: logger silent")
@@ -141,10 +138,9 @@ def test_the_state_is_the_robots_where_the_model_knows_of_the_markers():
     config = load_config(robot="kinematic", preset="ideal", overrides=overrides)
     prediction = NominalPrediction("kinematic", 0.05)
     prediction.marker_offset = offset
-    lockstep, plant = Lockstep(config), PlantNode(config)
+    plant = PlantNode(config)
     node = ControllerNode(config, prediction, GOAL)
-    for part in (plant, OnboardNode(config), node):
-        lockstep.add(part)
+    lockstep = lab_of(config, plant, OnboardNode(config), node)
     nonsense = lcmtypes.mocap_pose_t()
     nonsense.tracking_valid, nonsense.theta_rad = True, math.inf
     lockstep.publish(channels.MOCAP_POSE, nonsense)

@@ -2,12 +2,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests_support import lab_of
 
 from koopman_lab.bus import channels
-from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.realtime import run_node
 from koopman_lab.config.load import load_config
 from koopman_lab.config.robot_side import RadioLink
+from koopman_lab.emulation.board import emulated_board
 from koopman_lab.emulation.radio import Radio
 
 PERFECT = dict.fromkeys(RadioLink.model_fields, 0.0)
@@ -115,14 +116,12 @@ class Speaker:
 def converse(*overrides):
     """Let plant, board and desk speak for 10 s; return what each heard."""
     link = "{delay_s: 0.003, jitter_s: 0, loss: 0.25}"
-    lab = Lockstep(
-        load_config(
-            overrides=[
-                *(f"radio.to_robot={link}", "radio.from_robot={delay_s: 0.001, jitter_s: 0}"),
-                *("clock.offset_s=0", "clock.drift_ppm=0"),
-                *overrides,
-            ]
-        )
+    config = load_config(
+        overrides=[
+            *(f"radio.to_robot={link}", "radio.from_robot={delay_s: 0.001, jitter_s: 0}"),
+            *("clock.offset_s=0", "clock.drift_ppm=0"),
+            *overrides,
+        ]
     )
     nodes = (
         Speaker("plant", [channels.ENCODER, channels.MOCAP_POSE], [channels.MOTOR_CMD]),
@@ -133,8 +132,7 @@ def converse(*overrides):
         ),
         Speaker("sampler", [channels.VELOCITY_CMD], [channels.WHEEL_STATE, channels.MOCAP_POSE]),
     )
-    for node in nodes:
-        lab.add(node)
+    lab = lab_of(config, *nodes)
     lab.run(10.0)
     heard = {}
     for node in nodes:
@@ -182,6 +180,6 @@ def test_in_real_time_the_node_itself_waits_for_what_is_under_way(bus_url):
             board.port.finish()
 
     board._say = until_enough
-    assert run_node(board, config).lost_messages == 0
+    assert run_node(board, config, wrap=emulated_board(config)).lost_messages == 0
     assert all(age >= 100_000 for age, _ in board.heard["WHEEL_STATE"])
     assert [number for _, number in board.heard["WHEEL_STATE"]][:20] == list(range(20))

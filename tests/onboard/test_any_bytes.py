@@ -6,10 +6,10 @@ import struct
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from tests_support import lab_of
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config
 from onboard.motor_loop.node import OnboardNode
 from onboard.plant.node import PlantNode
@@ -63,9 +63,8 @@ class Lab:
 
     def __init__(self, robot):
         self.config = CONFIGS[robot]
-        self.lab, self.onboard = Lockstep(self.config), OnboardNode(self.config)
-        self.lab.add(PlantNode(self.config))
-        self.lab.add(self.onboard)
+        self.onboard = OnboardNode(self.config)
+        self.lab = lab_of(self.config, PlantNode(self.config), self.onboard)
         self.lab.run(0.2)
 
 

@@ -8,11 +8,10 @@ import math
 from itertools import pairwise
 
 import pytest
-from tests_support import Script
+from tests_support import Script, lab_of
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config
 from onboard.motor_loop.node import OnboardNode
 from onboard.plant.node import PlantNode
@@ -43,9 +42,8 @@ class RobotWatchNode:
 def stop_at(v, preset):
     """Stop a robot that drives straight; return when motors are at zero and it stands (s)."""
     config = load_config(preset=preset)
-    lab, onlooker = Lockstep(config), RobotWatchNode()
-    for node in (PlantNode(config), OnboardNode(config), Script(config, (v, 0.0)), onlooker):
-        lab.add(node)
+    onlooker, robot = RobotWatchNode(), (PlantNode(config), OnboardNode(config))
+    lab = lab_of(config, *robot, Script(config, (v, 0.0)), onlooker)
     lab.run(STEADY_S)
     pressed_us = lab.now_us
     onlooker.duties.clear()

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests_support import Script
+from tests_support import Script, lab_of
 
 from koopman_lab.bus import channels
-from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config
 from koopman_lab.emulation.drifting_clock import DriftingClock
 from koopman_lab.emulation.faults import Faults
@@ -153,10 +152,9 @@ class Ear:
 def drive(seconds, *overrides):
     """Drive the robot in lockstep; return the onboard node and what the desk heard."""
     config = load_config(overrides=overrides)
-    lab, onboard = Lockstep(config), OnboardNode(config)
+    onboard = OnboardNode(config)
     ear = Ear(channels.WHEEL_STATE, channels.ONBOARD_STATUS, channels.TIME_SYNC)
-    for node in (PlantNode(config), onboard, ear, Script(config, (0.2, 0.1))):
-        lab.add(node)
+    lab = lab_of(config, PlantNode(config), onboard, ear, Script(config, (0.2, 0.1)))
     lab.run(seconds)
     return onboard, ear.heard
 
@@ -201,10 +199,9 @@ def test_a_calibration_is_complete_and_its_log_a_function_of_the_seed(robot, tmp
                 *("sampler.segments_per_basis=1", "sampler.largest_steps=20"),
             ],
         )
-        lab, sampler = Lockstep(config), SamplerNode(config)
-        path = tmp_path / name
-        for node in (PlantNode(config), OnboardNode(config), LoggerNode(config, path), sampler):
-            lab.add(node)
+        path, sampler = tmp_path / name, SamplerNode(config)
+        standing = PlantNode(config), OnboardNode(config), LoggerNode(config, path)
+        lab = lab_of(config, *standing, sampler)
         assert lab.run(300.0)
         lab.close()
         assert sampler.summary()["complete"]

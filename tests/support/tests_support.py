@@ -3,10 +3,19 @@
 from koopman_lab.bus import channels
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config
+from koopman_lab.emulation.board import emulated_board
 from koopman_lab.geometry.planar import Pose
 from offboard.desk.commander import Commands
 from onboard.motor_loop.node import OnboardNode
 from onboard.plant.node import PlantNode
+
+
+def lab_of(config, *nodes, start_us=0):
+    """Return nodes in lockstep, the motor loop on a simulated board."""
+    lab = Lockstep(config, start_us)
+    for node in nodes:
+        lab.add(node, emulated_board(config) if node.name == "onboard" else None)
+    return lab
 
 
 class Script:
@@ -34,9 +43,8 @@ class Script:
 def ideal_run(robot: str, u: tuple[float, float], seconds: float) -> tuple[Pose, float]:
     """Drive the ideal plant through the real onboard loop; return pose and seconds of motion."""
     config = load_config(robot=robot, preset="ideal")
-    lockstep, plant = Lockstep(config), PlantNode(config)
-    for node in (plant, OnboardNode(config), Script(config, u)):
-        lockstep.add(node)
+    plant = PlantNode(config)
+    lockstep = lab_of(config, plant, OnboardNode(config), Script(config, u))
     lockstep.run(seconds)
     plant.plant.advance(lockstep.now_us)
     # The command sent at time 0 reaches the motors in the onboard tick 10 ms later.

@@ -15,6 +15,7 @@ from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node, Port, RawHandler, Tick
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.emulation.board import emulated_board
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import Pose
 from offboard.controller.node import ControllerNode
@@ -150,7 +151,8 @@ class Stage:
         self.mortals = {node.name: Mortal(node) for node in nodes}
         self.lab.add(PlantNode(config))
         for mortal in self.mortals.values():
-            self.lab.add(mortal)
+            board = mortal.name == self.onboard.name
+            self.lab.add(mortal, emulated_board(config) if board else None)
         self.lab.add(RobotWatchNode(config))
         self.lab.add(self.witness)
 
