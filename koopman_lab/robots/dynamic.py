@@ -31,6 +31,10 @@ def _effort(horizon: int) -> Array:
     return course
 
 
+def _turn(omega: float, speed: float) -> tuple[Array, Array]:
+    return np.array([speed, omega]), np.zeros(2)
+
+
 DYNAMIC = RobotType(
     name="dynamic",
     title="second-order robot",
@@ -45,4 +49,5 @@ DYNAMIC = RobotType(
     speeds_at=(3, 4),
     braking=_braking,
     effort=_effort,
+    turn=_turn,
 )

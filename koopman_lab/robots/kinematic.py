@@ -20,6 +20,11 @@ def _standing(x: Array, u_max: Array, dt_s: float, steps: int) -> Array:
     return np.zeros((steps, len(u_max)))
 
 
+def _turn(omega: float, speed: float) -> tuple[Array, Array]:
+    del speed
+    return np.zeros(0), np.array([0.0, omega])
+
+
 KINEMATIC = RobotType(
     name="kinematic",
     title="kinematic robot",
@@ -31,4 +36,5 @@ KINEMATIC = RobotType(
     speeds_at=(),
     braking=_standing,
     effort=np.ones,
+    turn=_turn,
 )
