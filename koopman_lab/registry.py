@@ -3,24 +3,25 @@
 A package of a stranger adds a row through a Python entry point: its group names the table
 (``koopman_lab.robots``), its name the row, its value the object ``module:attribute``. Names are
 known without importing anything; a row is imported when it is asked for. So what is wrong with a
-package of a stranger stops only whoever wants its row.
+package of a stranger stops only whoever asks for its row. ``klab doctor`` lists them all.
 """
 
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.metadata import Distribution, EntryPoint, entry_points, version
 from pkgutil import resolve_name
-from typing import Generic, TypeVar
-
-from packaging.requirements import InvalidRequirement, Requirement
+from typing import Any, Generic, TypeVar
 
 from koopman_lab.errors import ConfigError, PluginError
 
 T = TypeVar("T")
 DISTRIBUTION = "koopman-lab"
+NAME = re.compile(r"[a-z][a-z0-9_]{0,29}")
+"""Names of rows are typed, and are parts of the names of channels and files."""
 
 
 class Registry(Generic[T]):
@@ -33,29 +34,37 @@ class Registry(Generic[T]):
     group
         Of the entry points by which others add rows.
     row_type
-        What every row is an instance of.
+        What every row is an instance of; it has a ``name``.
     builtin
-        Our own rows: names, and where each is, as ``module:attribute``.
+        Our own rows by their names: each is the row, or where it is, as ``module:attribute``.
     """
 
     def __init__(
-        self, noun: str, group: str, row_type: type[T], builtin: Mapping[str, str]
+        self, noun: str, group: str, row_type: type[T], builtin: Mapping[str, str | T]
     ) -> None:
         self.noun = noun
         self.group = group
         self._row_type = row_type
         self._builtin = dict(builtin)
         self._rows: dict[str, T] = {}
-        self._registered: set[str] = set()
+        self._registered: dict[str, T] = {}
+
+    def own_names(self) -> tuple[str, ...]:
+        """Return the names of our own rows, without a look at other packages."""
+        return tuple(self._builtin)
+
+    def others(self) -> tuple[str, ...]:
+        """Return the names of the rows that others add, without importing one."""
+        names = {point.name for point in _entry_points(self.group)} | self._registered.keys()
+        return tuple(sorted(name for name in names if NAME.fullmatch(name)))
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all rows, our own first, without importing one."""
-        others = {point.name for point in _entry_points(self.group)} | self._registered
-        return (*self._builtin, *sorted(others - self._builtin.keys()))
+        return (*self._builtin, *(name for name in self.others() if name not in self._builtin))
 
     def __contains__(self, name: object) -> bool:
         """Return whether there is a row of a name, usable or not."""
-        return name in self.names()
+        return name in self._builtin or name in self.others()
 
     def __iter__(self) -> Iterator[T]:
         """Return the rows that can be used; :meth:`faults` says what is wrong with the others."""
@@ -72,12 +81,44 @@ class Registry(Generic[T]):
         ConfigError
             If there is none.
         PluginError
-            If a package of a stranger adds it and it cannot be used.
+            If it cannot be used: another package adds it and it does not fit, or two packages
+            have a row of this name.
         """
         row = self._rows.get(name)
         if row is None:
             row = self._rows[name] = self._load(name)
         return row
+
+    def own(self, name: str) -> T | None:
+        """Return our own row of a name, whatever others add; None if it is none of ours."""
+        row = self._builtin.get(name)
+        if isinstance(row, str):
+            return self._checked(name, resolve_name(row), row)
+        return row
+
+    def load(self, name: str, target: Any) -> Any:
+        """Return what a row says where to find: an object, or ``module:attribute``.
+
+        Raises
+        ------
+        PluginError
+            If another package adds the row and it is not there, or cannot be imported.
+        """
+        if not isinstance(target, str):
+            return target
+        if name in self._builtin:
+            return resolve_name(target)
+        try:
+            return resolve_name(target)
+        except Exception as error:  # whatever a stranger's module does on import
+            raise PluginError(_not_loaded(self.origin(name), target, error)) from error
+
+    def origin(self, name: str) -> str:
+        """Return in words which row it is, and of which package."""
+        points = [point for point in _entry_points(self.group) if point.name == name]
+        if name in self._builtin or not points:
+            return f"{self.noun} {name!r}"
+        return f"{self.noun} {name!r} of the package {' and '.join(map(_package, points))}"
 
     def register(self, name: str, row: T) -> None:
         """Add a row for this process, as a script or a notebook does.
@@ -87,20 +128,20 @@ class Registry(Generic[T]):
         ConfigError
             If the name is taken by another row.
         """
-        if name in self.names() and self._rows.get(name) is not row:
+        if name in self and self._registered.get(name) is not row:
             raise ConfigError(f"{self.noun} {name!r} is there already; choose another name")
-        self._registered.add(name)
-        self._rows[name] = row
+        self._rows[name] = self._registered[name] = row
 
     def forget(self, name: str) -> None:
         """Take out a row that :meth:`register` added."""
-        self._registered.discard(name)
+        self._registered.pop(name, None)
         self._rows.pop(name, None)
 
-    def faults(self) -> list[str]:
-        """Return what is wrong with rows of other packages, a message each."""
-        rows = map(self._row_or_fault, self.names())
-        return [str(row) for row in rows if isinstance(row, PluginError)]
+    def faults(self) -> dict[str, str]:
+        """Return by name what is wrong with rows that other packages add, a message each."""
+        names = sorted({point.name for point in _entry_points(self.group)})
+        rows = {name: self._row_or_fault(name) for name in names}
+        return {name: str(row) for name, row in rows.items() if isinstance(row, PluginError)}
 
     def _row_or_fault(self, name: str) -> T | PluginError:
         try:
@@ -110,35 +151,41 @@ class Registry(Generic[T]):
 
     def _load(self, name: str) -> T:
         points = [point for point in _entry_points(self.group) if point.name == name]
-        builtin = self._builtin.get(name)
-        providers = [*([DISTRIBUTION] if builtin else []), *map(_package, points)]
+        own = name in self._builtin
+        providers = [*([DISTRIBUTION] if own else []), *map(_package, points)]
         if len(providers) > 1:
             raise PluginError(
                 f"{self.noun} {name!r} is in {' and in '.join(providers)}; uninstall all but one, "
                 "or ask their authors for another name"
             )
-        if builtin is not None:
-            return self._checked(resolve_name(builtin), builtin)
+        row = self.own(name)
+        if row is not None:
+            return row
         if not points:
             raise ConfigError(self._unknown(name))
         (point,) = points
-        where = f"{self.noun} {name!r} of the package {_package(point)} ({point.value})"
+        where = self.origin(name)
+        if not NAME.fullmatch(name):
+            raise PluginError(
+                f"{where}: names are small letters, digits and _, at most 30, and begin with a "
+                "letter; ask its author for another one"
+            )
         _require_version(point, where)
         try:
-            row = point.load()
+            loaded = point.load()
         except Exception as error:  # whatever a stranger's module does on import
-            reason = f"{type(error).__name__}: {error}"
-            raise PluginError(
-                f"{where} cannot be loaded: {reason}; mend or uninstall it"
-            ) from error
-        return self._checked(row, where)
+            raise PluginError(_not_loaded(where, point.value, error)) from error
+        return self._checked(name, loaded, f"{where} ({point.value})")
 
-    def _checked(self, row: object, where: str) -> T:
+    def _checked(self, name: str, row: object, where: str) -> T:
         if not isinstance(row, self._row_type):
             raise PluginError(
                 f"{where} is of type {type(row).__name__}, expected {self._row_type.__name__}; "
                 "mend or uninstall it"
             )
+        says = getattr(row, "name", name)
+        if says != name:
+            raise PluginError(f"{where} calls itself {says!r}; mend or uninstall it")
         return row
 
     def _unknown(self, name: str) -> str:
@@ -148,8 +195,16 @@ class Registry(Generic[T]):
         return f"unknown {self.noun} {name!r}, known: {known}{hint}"
 
 
+def _not_loaded(where: str, target: str, error: Exception) -> str:
+    reason = f"{type(error).__name__}: {error}"
+    return f"{where} ({target}) cannot be loaded: {reason}; mend or uninstall it"
+
+
 def _require_version(point: EntryPoint, where: str) -> None:
     """Refuse a row of a package that says it was made for another version of this one."""
+    # Here, as most runs meet no row of another package.
+    from packaging.requirements import InvalidRequirement, Requirement
+
     for text in (point.dist.requires if point.dist else None) or ():
         try:
             requirement = Requirement(text)
@@ -166,7 +221,7 @@ def _require_version(point: EntryPoint, where: str) -> None:
 
 def _package(point: EntryPoint) -> str:
     distribution: Distribution | None = point.dist
-    return distribution.metadata["Name"] if distribution else "of an unknown package"
+    return distribution.metadata["Name"] if distribution else "of an unknown name"
 
 
 @cache

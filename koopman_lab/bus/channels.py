@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
 
 import lcmtypes
+from koopman_lab.bus.processes import PROCESSES, process
 from koopman_lab.bus.replay_guard import Replayed
 from koopman_lab.errors import BusError
 
@@ -34,46 +35,51 @@ M = TypeVar("M", bound=Message)
 Rate = Literal[
     "mocap", "motor", "wheel_state", "status", "control", "heartbeat", "info", "ping", "event"
 ]
-Owner = Literal[
-    "plant",
-    "onboard",
-    "logger",
-    "sampler",
-    "controller",
-    "reference",
-    "operator",
-    "commander",
-    "supervisor",
-]
-"""Who publishes; ``commander`` is whichever of :data:`DRIVERS` drives the robot, and
-``supervisor`` each command that has started processes."""
+COMMANDER = "commander"
+"""Whichever node commands the robot: they all speak on the same channels, one at a time."""
 
-DRIVERS: tuple[Owner, ...] = ("sampler", "controller", "reference")
-"""Nodes that command the robot. They speak on the same channels, one of them at a time."""
-
-OPERATOR: Owner = "operator"
+OPERATOR = "operator"
 """A person."""
+
+SUPERVISOR = "supervisor"
+"""Each command that has started processes."""
 
 INFO_RATE_HZ = 1.0
 """What a log needs to explain itself is four kilobytes; once a second is soon enough."""
 
-ABOARD: Owner = "onboard"
+ABOARD = "onboard"
 """The node on the robot's board: between it and all others lie the radio and a second clock."""
 
 
 @dataclass(frozen=True)
 class Channel(Generic[M]):
-    """One row of the table."""
+    """One row of the table.
+
+    Attributes
+    ----------
+    suffix
+        Its name behind that of the robot.
+    type
+        Of its messages, from lcm-gen.
+    rate
+        How often it speaks: as a part of the configuration says, in Hz, or only on events.
+    publisher
+        The node that speaks on it, :data:`COMMANDER`, :data:`OPERATOR` or :data:`SUPERVISOR`.
+    logged
+        Whether the logger writes it down.
+    wired
+        Never crosses the radio: the board's own hardware, or what goes wrong with the radio.
+    replayed
+        What keeps a log that is sent again off those who act on the channel.
+    """
 
     suffix: str
     type: type[M]
-    rate: Rate
-    publisher: Owner
+    rate: Rate | float
+    publisher: str
     logged: bool = True
     wired: bool = False
-    """Never crosses the radio: the board's own hardware, or what goes wrong with the radio."""
     replayed: Replayed = "passes"
-    """What keeps a log that is sent again off those who act on the channel."""
 
     def name(self, robot_name: str) -> str:
         """Return the channel name on the bus, for example ``R1_MOCAP_POSE``."""
@@ -81,6 +87,8 @@ class Channel(Generic[M]):
 
     def rate_hz(self, config: LabConfig) -> float | None:
         """Return the nominal rate, or None for a channel that speaks only on events."""
+        if isinstance(self.rate, (int, float)):
+            return self.rate
         return {
             "mocap": config.mocap.rate_hz,
             "motor": config.motor_loop.rate_hz,
@@ -120,10 +128,41 @@ TIME_SYNC = Channel("TIME_SYNC", lcmtypes.time_sync_t, "ping", "onboard")
 SESSION_INFO = Channel("SESSION_INFO", lcmtypes.session_info_t, "info", "commander")
 # Not logged: several commands may speak on it, so that its numbers tell of no loss.
 PROCESS = Channel("PROCESS", lcmtypes.process_t, "event", "supervisor", logged=False)
-HEARTBEATS: dict[str, Channel[lcmtypes.node_status_t]] = {
-    node: Channel(f"{node.upper()}_HEARTBEAT", lcmtypes.node_status_t, "heartbeat", node)
-    for node in ("plant", "onboard", "logger", *DRIVERS)
-}
+
+
+class _Heartbeats(Mapping[str, Channel[lcmtypes.node_status_t]]):
+    """By node: all nodes have one, also those that other packages add."""
+
+    def __init__(self) -> None:
+        rows = filter(None, map(PROCESSES.own, PROCESSES.own_names()))
+        self._own = {row.name: _heartbeat(row.name) for row in rows if row.factory}
+
+    def __getitem__(self, node: str) -> Channel[lcmtypes.node_status_t]:
+        own = self._own.get(node)
+        if own is None and (node in PROCESSES.own_names() or node not in PROCESSES):
+            raise KeyError(node)
+        return own or _heartbeat(node)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self._own, *self.others()))
+
+    def __len__(self) -> int:
+        return len(self._own) + len(self.others())
+
+    def own(self) -> list[Channel[lcmtypes.node_status_t]]:
+        """Return those of our own nodes."""
+        return list(self._own.values())
+
+    def others(self) -> list[str]:
+        """Return the nodes that other packages add."""
+        return [name for name in PROCESSES.names() if name not in PROCESSES.own_names()]
+
+
+def _heartbeat(node: str) -> Channel[lcmtypes.node_status_t]:
+    return Channel(f"{node.upper()}_HEARTBEAT", lcmtypes.node_status_t, "heartbeat", node)
+
+
+HEARTBEATS = _Heartbeats()
 
 CHANNELS: tuple[Channel[Any], ...] = (
     MOCAP_POSE,
@@ -147,8 +186,42 @@ CHANNELS: tuple[Channel[Any], ...] = (
     TIME_SYNC,
     SESSION_INFO,
     PROCESS,
-    *HEARTBEATS.values(),
+    *HEARTBEATS.own(),
 )
+"""Our own."""
+
+
+def all_channels() -> tuple[Channel[Any], ...]:
+    """Return our own channels and those of nodes that other packages add.
+
+    What :func:`channel_faults` names is left out.
+    """
+    channels = {channel.suffix: channel for channel in CHANNELS}
+    for channel in _others():
+        channels.setdefault(channel.suffix, channel)
+    return tuple(channels.values())
+
+
+def channel_faults() -> dict[str, str]:
+    """Return by node of other packages what is wrong with its channels."""
+    taken = {channel.suffix: channel.publisher for channel in CHANNELS}
+    faults = {}
+    for channel in _others():
+        owner = taken.setdefault(channel.suffix, channel.publisher)
+        if owner != channel.publisher:
+            faults[channel.publisher] = (
+                f"{PROCESSES.origin(channel.publisher)}: its channel {channel.suffix} is that of "
+                f"the {owner} already and not heard; ask its author for another name"
+            )
+    return faults
+
+
+def _others() -> Iterator[Channel[Any]]:
+    """Give the channels of nodes that other packages add."""
+    for node in HEARTBEATS.others():
+        yield HEARTBEATS[node]
+        for channel in process(node).channels:
+            yield replace(channel, publisher=node)
 
 
 def split_name(name: str) -> tuple[str, Channel[Any]]:
@@ -159,13 +232,14 @@ def split_name(name: str) -> tuple[str, Channel[Any]]:
     BusError
         If no row ends the name.
     """
-    for channel in CHANNELS:
-        robot_name, found, rest = name.rpartition(f"_{channel.suffix}")
-        if found and not rest and robot_name:
+    channels = all_channels()
+    for channel in channels:
+        robot_name, joint, rest = name.rpartition(f"_{channel.suffix}")
+        if joint and not rest and robot_name:
             return robot_name, channel
     raise BusError(
         f"channel {name!r} is not of this lab; names are ROBOT_SUFFIX with one of: "
-        f"{_listing(CHANNELS)}"
+        f"{_listing(channels)}"
     )
 
 

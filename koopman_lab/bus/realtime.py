@@ -21,13 +21,11 @@ from koopman_lab.bus.multicast import drain, open_lcm, subscribe
 from koopman_lab.bus.node import Node, RawHandler
 from koopman_lab.bus.pacing import TickTimes
 from koopman_lab.bus.port import BasePort, Wrap
+from koopman_lab.bus.processes import PRIORITY, priority_of
 from koopman_lab.bus.subscription import Deliver
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 
-PRIORITY = 10
-PRIORITIES = {"plant": 12, "onboard": 11, "pacer": 11}
-"""Among real-time processes, by node: the faster loop goes first, all before ordinary processes."""
 LONGEST_WAIT_S = 0.5
 """A node without timers still looks up this often."""
 
@@ -167,7 +165,7 @@ def run_node(
         If the bus cannot be opened.
     """
     # First of all: the thread in which LCM receives inherits it, and would be starved without.
-    ask_for_priority(PRIORITIES.get(node.name, PRIORITY))
+    ask_for_priority(priority_of(node.name))
     port = RealtimePort(node.name, config, open_lcm(config))
     stop = StopSignals()
     with stop.installed():

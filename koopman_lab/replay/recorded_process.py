@@ -6,7 +6,8 @@ import struct
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from koopman_lab.bus.channels import ABOARD, CHANNELS, DRIVERS, HEARTBEATS
+from koopman_lab.bus.channels import ABOARD, HEARTBEATS, all_channels
+from koopman_lab.bus.processes import commanders, process
 from koopman_lab.bus.sequence import SequenceCounter
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LogError
@@ -55,8 +56,9 @@ def recorded_process(node_name: str, config: LabConfig, events: Sequence[Event])
             f"{name}: not in the log, so this {node_name} did not run in it; "
             "`klab log info` shows who did"
         )
-    for other in DRIVERS:
-        if node_name in DRIVERS and other != node_name and _heartbeats(other, config, events):
+    others = sorted(commanders() - {node_name}) if process(node_name).commands else []
+    for other in others:
+        if _heartbeats(other, config, events):
             raise LogError(
                 f"{name}: the log holds a {other} as well, on the same channels; "
                 "record one session to a log"
@@ -100,7 +102,8 @@ def _require_steady_times(events: Sequence[Event]) -> None:
 
 def _require_types(config: LabConfig, events: Sequence[Event]) -> None:
     """Refuse messages that other versions of the types encoded."""
-    fingerprints = {c.name(config.robot.name): c.type._get_packed_fingerprint() for c in CHANNELS}
+    name = config.robot.name
+    fingerprints = {c.name(name): c.type._get_packed_fingerprint() for c in all_channels()}
     known, strange = set(), {}
     for event in events:
         fingerprint = fingerprints.get(event.channel)

@@ -11,9 +11,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from koopman_lab.bus.channels import ABOARD, CHANNELS, DRIVERS, Channel, Owner
+from koopman_lab.bus.channels import (
+    ABOARD,
+    COMMANDER,
+    OPERATOR,
+    SUPERVISOR,
+    Channel,
+    all_channels,
+)
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node, Port
+from koopman_lab.bus.processes import STANDING, commanders
 from koopman_lab.bus.subscription import Deliver
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.emulation.board import emulated_board
@@ -21,7 +29,7 @@ from koopman_lab.eventlog.eventlog import Event
 from koopman_lab.replay.recorded_process import RecordedProcess
 from koopman_lab.units import US_PER_S
 
-PLACES: tuple[Owner, ...] = ("plant", "onboard", "logger", "commander", "operator", "supervisor")
+PLACES = (*STANDING, COMMANDER, OPERATOR, SUPERVISOR)
 """Who acts when, at equal times."""
 LOGGER = PLACES.index("logger")
 
@@ -50,17 +58,17 @@ class Rerun(NamedTuple):
     end_us: int
 
 
-def place_of(publisher: Owner) -> int:
-    """Return the place of a publisher among all."""
-    return PLACES.index("commander" if publisher in DRIVERS else publisher)
+def place_of(publisher: str) -> int:
+    """Return the place of a publisher among all; who is no part of a lab acts with who commands."""
+    return PLACES.index(publisher if publisher in PLACES else COMMANDER)
 
 
 def outputs_of(node_name: str) -> list[Channel[Any]]:
     """Return the channels that a node speaks on."""
     mine: set[str] = {node_name}
-    if node_name in DRIVERS:
-        mine.add("commander")
-    return [channel for channel in CHANNELS if channel.publisher in mine]
+    if node_name in commanders():
+        mine.add(COMMANDER)
+    return [channel for channel in all_channels() if channel.publisher in mine]
 
 
 class _Nobody:
@@ -117,20 +125,20 @@ def rerun(
     names = {channel.name(config.robot.name) for channel in mine}
     collector = _Collector(mine)
     lab = Lockstep(config, process.start_us, process.process)
-    here = place_of(node.name)  # type: ignore[arg-type]
+    here = place_of(node.name)
     board = emulated_board(config) if node.name == ABOARD else None
     for place in range(len(PLACES)):
         if place == here:
             lab.add(node, board)
         else:
             lab.add(collector if place == LOGGER else _Nobody())
-    places = {c.name(config.robot.name): place_of(c.publisher) for c in CHANNELS}
+    places = {c.name(config.robot.name): place_of(c.publisher) for c in all_channels()}
     before_us = None
     for event in events:
         at_us, name = event.timestamp_us, event.channel
         if name not in names and name in lab.routes and at_us >= process.start_us:
             place = places[name]
-            if PLACES[place] == "operator" and at_us != before_us:
+            if PLACES[place] == OPERATOR and at_us != before_us:
                 # Whoever is no node speaks between two times: before all others if first.
                 place = 0
             lab.push(at_us, place, _sender(lab, name), event.data)

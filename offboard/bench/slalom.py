@@ -16,10 +16,9 @@ LARGEST_A = 1.0
 
 
 class Slalom:
-    """Drives along a weave that never stands still, as the operator."""
+    """Drives along a weave that never stands still, in the operator's role."""
 
     name = "slalom"
-    operator = 3
 
     def __init__(self, config: LabConfig) -> None:
         self._config = config
@@ -30,7 +29,7 @@ class Slalom:
     def attach(self, port: Port) -> None:
         """Listen to the motor loop and set the control timer."""
         port.subscribe(channels.ONBOARD_STATUS, self._on_status)
-        self._commands = Commands(port, self._config, self.operator)
+        self._commands = Commands(port, self._config, self.name)
         port.every(1.0 / self._config.controller.dt_s, self._on_tick)
 
     def close(self) -> None:

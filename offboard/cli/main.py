@@ -32,6 +32,7 @@ from offboard.commands.topics import topics
 from offboard.commands.up import up
 from offboard.commands.view import view
 from offboard.reproduction.reproduce import reproduce
+from offboard.terminal.choices import Command
 from offboard.terminal.output import err
 
 EXPECTED_MISTAKE = 2
@@ -49,7 +50,7 @@ COMMANDS = (
     *(validate, reproduce, replay, rerun, goal, estop, fault, doctor),
 )
 for command in COMMANDS:
-    app.command()(command)
+    app.command(cls=Command)(command)
 app.add_typer(run.app, name="run")
 app.add_typer(log.app, name="log")
 app.add_typer(dataset.app, name="dataset")

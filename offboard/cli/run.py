@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import socket
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
+from koopman_lab.bus.processes import PROCESSES, build
+from offboard.cli.node_group import NodeGroup
 from offboard.commands.view import HOST, PORT, Host, Port, listen, serve, token_for
 from offboard.terminal import options
 
@@ -15,10 +18,23 @@ if TYPE_CHECKING:
     from koopman_lab.bus.node import Node
     from koopman_lab.bus.port import Wrap
     from koopman_lab.config.schema import LabConfig
+    from offboard.controller.node import ControllerNode
+    from offboard.reference.node import ReferenceNode
+    from offboard.sampler.node import SamplerNode
 
-app = typer.Typer(help="Run one process in the foreground until Ctrl-C.", no_args_is_help=True)
+app = typer.Typer(
+    help="Run one process in the foreground until Ctrl-C.", no_args_is_help=True, cls=NodeGroup
+)
+Run = TypeVar("Run", bound=Callable[..., None])
 
-Lifeline = Annotated[int | None, typer.Option("--lifeline-fd", hidden=True)]
+
+def _runs(function: Run) -> Run:
+    """Make a function the command of the process in the table that has its name."""
+    row = PROCESSES.own(function.__name__)
+    assert row is not None, function.__name__
+    return app.command(row.name, hidden=row.hidden)(function)
+
+
 ResultFile = Annotated[
     Path | None, typer.Option("--result", metavar="FILE", help="Write the outcome here, as JSON.")
 ]
@@ -30,7 +46,7 @@ TickTimesFile = Annotated[
 ]
 
 
-@app.command()
+@_runs
 def plant(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
@@ -39,22 +55,21 @@ def plant(
     seed: options.Seed = None,
     robot_name: options.RobotsName = None,
     url: options.Url = None,
-    lifeline_fd: Lifeline = None,
+    lifeline_fd: options.Lifeline = None,
 ) -> None:
     """Stand in for hardware: motors, body, encoders, cameras.
 
     Example: klab run plant --robot dynamic
     """
     from koopman_lab.bus.realtime import run_node
-    from offboard.lab import nodes
 
     lab = options.resolve(
         config, overrides, options.kind_of(robot), preset, seed, url, robot_name=robot_name
     )
-    run_node(nodes.plant(lab), lab, lifeline_fd=lifeline_fd)
+    run_node(build("plant", lab), lab, lifeline_fd=lifeline_fd)
 
 
-@app.command()
+@_runs
 def onboard(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
@@ -63,48 +78,44 @@ def onboard(
     robot_name: options.RobotsName = None,
     url: options.Url = None,
     tick_times: TickTimesFile = None,
-    lifeline_fd: Lifeline = None,
+    lifeline_fd: options.Lifeline = None,
 ) -> None:
     """Run the motor loop, on the robot's board.
 
     Example: klab run onboard --robot dynamic --set motor_loop.watchdog_s=0.2
     """
     from koopman_lab.emulation.board import emulated_board
-    from offboard.lab import nodes
 
     lab = options.resolve(
         config, overrides, options.kind_of(robot), preset, url=url, robot_name=robot_name
     )
-    _run_timed(nodes.onboard(lab), lab, tick_times, lifeline_fd, emulated_board(lab))
+    _run_timed(build("onboard", lab), lab, tick_times, lifeline_fd, emulated_board(lab))
 
 
-@app.command(hidden=True)
+@_runs
 def pacer(
     config: options.ConfigFile = None,
     tick_times: TickTimesFile = None,
-    lifeline_fd: Lifeline = None,
+    lifeline_fd: options.Lifeline = None,
 ) -> None:
     """Tick as fast as the motor loop and do nothing, to see what the machine does.
 
     Example: klab run pacer --tick-times runs/pacer.npy
     """
-    from offboard.bench.pacer import Pacer
-
     lab = options.resolve(config, None, None)
-    _run_timed(Pacer(lab), lab, tick_times, lifeline_fd)
+    _run_timed(build("pacer", lab), lab, tick_times, lifeline_fd)
 
 
-@app.command(hidden=True)
-def slalom(config: options.ConfigFile = None, lifeline_fd: Lifeline = None) -> None:
+@_runs
+def slalom(config: options.ConfigFile = None, lifeline_fd: options.Lifeline = None) -> None:
     """Drive the robot along a weave for good, so that a bench has something to stop.
 
     Example: klab run slalom --config runs/up/config.yaml
     """
     from koopman_lab.bus.realtime import run_node
-    from offboard.bench.slalom import Slalom
 
     lab = options.resolve(config, None, None)
-    run_node(Slalom(lab), lab, lifeline_fd=lifeline_fd)
+    run_node(build("slalom", lab), lab, lifeline_fd=lifeline_fd)
 
 
 def _run_timed(
@@ -124,7 +135,7 @@ def _run_timed(
         times.save(file)
 
 
-@app.command()
+@_runs
 def logger(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
@@ -136,7 +147,7 @@ def logger(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on behind the log that DIR holds.")
     ] = False,
-    lifeline_fd: Lifeline = None,
+    lifeline_fd: options.Lifeline = None,
 ) -> None:
     """Write every message of a robot into DIR/session.lcm.
 
@@ -153,7 +164,7 @@ def logger(
     run_node(nodes.logger(lab, folder, resume=resume), lab, lifeline_fd=lifeline_fd)
 
 
-@app.command()
+@_runs
 def sampler(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
@@ -166,7 +177,7 @@ def sampler(
         typer.Option("--resume", metavar="DIR", help="Go on with the session in this folder."),
     ] = None,
     result: ResultFile = None,
-    lifeline_fd: Lifeline = None,
+    lifeline_fd: options.Lifeline = None,
 ) -> None:
     """Run a calibration session on a lab whose other processes run already.
 
@@ -174,19 +185,20 @@ def sampler(
     """
     from koopman_lab.bus.realtime import run_node
     from koopman_lab.files import write_json
-    from offboard.sampler.node import SamplerNode
     from offboard.sampler.resume import interrupted
 
     lab = options.resolve(
         config, overrides, options.kind_of(robot), seed=seed, url=url, robot_name=robot_name
     )
-    node = SamplerNode(lab, interrupted(resume).progress if resume is not None else None)
+    node: SamplerNode = build(
+        "sampler", lab, interrupted(resume).progress if resume is not None else None
+    )
     statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
     if result is not None:
         write_json(result, node.summary() | {"missed_deadlines": statistics.missed_ticks})
 
 
-@app.command()
+@_runs
 def reference(
     shape: options.ReferenceShape,
     config: options.ConfigFile = None,
@@ -195,7 +207,7 @@ def reference(
     robot_name: options.RobotsName = None,
     url: options.Url = None,
     result: ResultFile = None,
-    lifeline_fd: Lifeline = None,
+    lifeline_fd: options.Lifeline = None,
 ) -> None:
     """Drive reference runs on a lab whose other processes run already.
 
@@ -203,17 +215,16 @@ def reference(
     """
     from koopman_lab.bus.realtime import run_node
     from koopman_lab.files import write_json
-    from offboard.reference.node import ReferenceNode
     from offboard.reference.shapes import Shape
 
     lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
-    node = ReferenceNode(lab, Shape[shape.value.upper()])
+    node: ReferenceNode = build("reference", lab, Shape[shape.value.upper()])
     statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
     if result is not None:
         write_json(result, node.summary() | {"missed_deadlines": statistics.missed_ticks})
 
 
-@app.command()
+@_runs
 def controller(
     model: options.ModelFile,
     goal: options.Goal = (0.0, 0.0, 0.0),
@@ -223,7 +234,7 @@ def controller(
     robot_name: options.RobotsName = None,
     url: options.Url = None,
     result: ResultFile = None,
-    lifeline_fd: Lifeline = None,
+    lifeline_fd: options.Lifeline = None,
 ) -> None:
     """Park the robot of a lab whose other processes run already.
 
@@ -231,23 +242,22 @@ def controller(
     """
     from koopman_lab.bus.realtime import run_node
     from koopman_lab.files import write_json
-    from offboard.controller.node import ControllerNode
     from offboard.lab.park_summary import outcome_facts
 
     lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
-    node = ControllerNode(lab, model, options.pose_of(goal))
+    node: ControllerNode = build("controller", lab, model, options.pose_of(goal))
     statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
     if result is not None:
         write_json(result, outcome_facts(node, statistics.missed_ticks))
 
 
-@app.command(hidden=True)
+@_runs
 def view(
     config: options.ConfigFile = None,
     host: Host = HOST,
     port: Port = PORT,
     socket_fd: Annotated[int | None, typer.Option("--socket-fd", hidden=True)] = None,
-    lifeline_fd: Lifeline = None,
+    lifeline_fd: options.Lifeline = None,
 ) -> None:
     """Serve the page of `klab view`, as a process of `klab up --view`, which listens already.
 

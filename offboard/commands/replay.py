@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from koopman_lab.bus.channels import DRIVERS
 from koopman_lab.errors import ConfigError, LabStateError
 from offboard.terminal import options
 from offboard.terminal.output import err, progress
@@ -17,8 +16,6 @@ if TYPE_CHECKING:
 
 REPLAY_URL = "udpm://239.255.76.68:7668?ttl=0"
 """Not the bus of any lab by default."""
-DRIVING = ("plant", "onboard", *DRIVERS)
-"""Nodes that would act on what a log says; loggers and viewers only listen."""
 
 
 def replay(
@@ -88,11 +85,13 @@ def _refuse_live(robots: list[str], url: str) -> None:
 
     The onboard loop takes no stale command, but motors take what is said on their wire.
     """
+    from koopman_lab.bus.processes import Stop, stopping
     from offboard.lab.supervisor import present
 
+    acting = stopping(Stop.COMMANDER, Stop.BOARD, Stop.HARDWARE)
     for robot in robots:
         listener = options.listen(options.resolve(None, None, None, url=url, robot_name=robot))
-        alive = sorted(present(listener) & set(DRIVING))
+        alive = sorted(present(listener) & acting)
         if alive:
             raise LabStateError(
                 f"{robot} is alive on {url} ({', '.join(alive)}): the log's motor commands, "

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import json
-from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from koopman_lab.errors import ConfigError, LogError
+from koopman_lab.errors import ConfigError
 from offboard.terminal import options
+from offboard.terminal.choices import row_option
 from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
-    from koopman_lab.bus.channels import Channel
-    from koopman_lab.bus.node import Node
-    from koopman_lab.config.schema import LabConfig
-    from koopman_lab.data.decode import SessionLog
     from koopman_lab.replay.output_comparison import Agreement, Difference
 
 SHOWN = 10
@@ -29,18 +25,16 @@ REAL_TIME_SHARE = 0.5
 """Of the messages that must agree: one tick's difference is soon forgotten, another node is not."""
 
 
-class NodeName(str, Enum):
-    """Choices of ``--node``."""
+def _nodes() -> list[str]:
+    """Return the choices of ``--node``: those that the table of processes can build again."""
+    from koopman_lab.bus.processes import in_stop_order
 
-    sampler = "sampler"
-    controller = "controller"
-    reference = "reference"
-    onboard = "onboard"
+    return [row.name for row in in_stop_order() if row.rebuild]
 
 
 def rerun(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A log, or its run folder.")],
-    node: Annotated[NodeName, typer.Option("--node", help="Which node runs again.")],
+    node: Annotated[str, row_option("--node", "RECORDED_NODE", _nodes, "Which node runs again.")],
     model: Annotated[
         Path | None,
         typer.Option("--model", metavar="FILE", help="For the controller: the model of the run."),
@@ -73,6 +67,7 @@ def rerun(
 
     Example: klab rerun runs/calibration --node sampler
     """
+    from koopman_lab.bus.processes import PROCESSES
     from koopman_lab.data.decode import SessionLog
     from koopman_lab.replay.output_comparison import compare
     from koopman_lab.replay.recorded_process import recorded_process
@@ -87,9 +82,9 @@ def rerun(
             f"{session.robot_name}"
         )
     events = read_rotated_log(session.path, salvage=salvage)
-    process = recorded_process(node.value, lab, events)
+    process = recorded_process(node, lab, events)
     lasts_s = round(session.duration_s)
-    built = _build(node, lab, session, model)
+    built = PROCESSES.load(node, PROCESSES.get(node).rebuild)(lab, session, model)
     with progress("running again", "s") as report:
         done = run_again(
             built, lab, events, process, lambda s: report(s - process.start_us * 1e-6, lasts_s)
@@ -105,7 +100,7 @@ def rerun(
     )
     facts = {
         "file": str(session.path),
-        "node": node.value,
+        "node": node,
         "lockstep": process.virtual,
         "tolerance": tolerance,
         "share": _share(agreements),
@@ -117,48 +112,6 @@ def rerun(
     least = 1.0 if process.virtual else REAL_TIME_SHARE
     if _share(agreements) < least:
         raise typer.Exit(1)
-
-
-def _build(node: NodeName, config: LabConfig, session: SessionLog, model: Path | None) -> Node:
-    from offboard.lab import nodes
-
-    if node is NodeName.onboard:
-        return nodes.onboard(config)
-    if node is NodeName.sampler:
-        from offboard.sampler.node import SamplerNode
-
-        return SamplerNode(config)
-    if node is NodeName.reference:
-        from koopman_lab.bus.channels import REFERENCE_STATE
-        from offboard.reference.node import ReferenceNode
-        from offboard.reference.shapes import Shape
-
-        return ReferenceNode(config, Shape(_first_of(session, REFERENCE_STATE).shape))
-    if model is None:
-        raise ConfigError(
-            "--model: the controller runs again only with the model of the run; give the file "
-            "that `klab park` was given"
-        )
-    from koopman_lab.bus.channels import MPC_STATE
-    from koopman_lab.geometry.planar import Pose
-    from offboard.controller.node import ControllerNode
-
-    return ControllerNode(config, model, Pose(*_first_of(session, MPC_STATE).goal))
-
-
-def _first_of(session: SessionLog, channel: Channel[Any]) -> Any:
-    """Return the first message of a node, which says what it was told to do.
-
-    Raises
-    ------
-    LogError
-        If the log has none.
-    """
-    messages = session.messages(channel)
-    if not messages:
-        name = channel.name(session.robot_name)
-        raise LogError(f"{session.path}: holds no {name}, so the node that says it did not run")
-    return messages[0]
 
 
 def _as_json(agreements: dict[str, Agreement]) -> dict[str, Any]:

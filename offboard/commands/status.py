@@ -77,8 +77,8 @@ def down(
 
     Example: klab down --robot-name R2
     """
+    from koopman_lab.bus.processes import commanders, process
     from koopman_lab.errors import LabStateError
-    from offboard.desk.processes import COMMANDING
     from offboard.lab.process_notes import alive, commands
     from offboard.lab.supervisor import KILLED, PATIENCE_S
     from offboard.monitor.process_states import SILENT_S
@@ -87,7 +87,7 @@ def down(
     name = lab.robot.name
     # Before anything is heard, which takes a second: meanwhile the robot would drive on.
     noted = commands(lab)
-    commanding = {pid for pid, names in noted.items() if names & COMMANDING}
+    commanding = {pid for pid, names in noted.items() if names & commanders()}
     _interrupt(commanding)
     listener, view = _heard(lab)
     entries = _entries(view, name, listener)
@@ -100,7 +100,7 @@ def down(
             f"{name}: no `klab up`, `calibrate` or `park` of this machine runs on "
             f"{lab.bus.url}{hint}"
         )
-    late = {e.told.supervisor_pid for e in ours if e.told and e.name in COMMANDING} - commanding
+    late = {e.told.supervisor_pid for e in ours if e.told and process(e.name).commands} - commanding
     _interrupt(late)
     if commanding or late:
         spin_for(listener, PATIENCE_S, lambda: _stands(view, name, listener))

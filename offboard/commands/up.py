@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from koopman_lab.bus.processes import PROCESSES
 from offboard.commands.view import HOST, PORT, TOKEN, Host, Port, addresses, listen, token_for
 from offboard.lab.run_folder import new_folder
 from offboard.terminal import options
+from offboard.terminal.choices import row_option
 from offboard.terminal.output import err, status_line
 
 if TYPE_CHECKING:
@@ -39,15 +41,24 @@ def up(
     ] = False,
     host: Host = HOST,
     port: Port = PORT,
+    more: Annotated[
+        list[str] | None,
+        row_option(
+            *("--with", "NODE", PROCESSES.others),
+            "A node that another package adds, as one of the lab; several may be named.",
+        ),
+    ] = None,
 ) -> None:
     """Run plant, onboard loop and logger as supervised processes until Ctrl-C or `klab down`.
 
     If one dies, the robot stops, the others are ended, and its last lines are shown: nothing is
     started again behind your back. Each process is asked to end by SIGINT, after 3 s by SIGTERM,
-    after 3 s more by SIGKILL.
+    after 3 s more by SIGKILL. Nodes of other packages (--with) run in the same way and on the same
+    configuration; one that commands the robot may end by itself.
 
     Example: klab up --robot dynamic --robot-name R2
     """
+    from koopman_lab.bus.processes import STANDING, Stop, stopping
     from koopman_lab.errors import LabStateError
     from offboard.lab.lab_lock import lab_lock
     from offboard.lab.supervisor import present, start_missing, supervised
@@ -55,12 +66,19 @@ def up(
     lab_config = options.resolve(
         config, overrides, options.kind_of(robot), preset, seed, url, robot_name=robot_name
     )
+    # Before anything is started: a package that does not fit is one message.
+    for name in more or ():
+        missing = set(PROCESSES.get(name).needs) - {*STANDING, *(more or ())}
+        if missing:
+            raise LabStateError(
+                f"--with {name}: needs {', '.join(sorted(missing))}, which the lab does not run"
+            )
     try:
         with contextlib.ExitStack() as stack:
             stack.enter_context(lab_lock(lab_config))
             page = stack.enter_context(listen(host, port)) if view else None
             listener = options.listen(lab_config)
-            there = present(listener) & {"plant", "onboard"}
+            there = present(listener) & stopping(Stop.BOARD, Stop.HARDWARE)
             if there:
                 raise LabStateError(
                     f"{', '.join(sorted(there))} of {lab_config.robot.name} already on "
@@ -70,6 +88,9 @@ def up(
             folder = new_folder(out, "up", lab_config)
             lab = stack.enter_context(supervised(lab_config, folder, listener))
             start_missing(lab, set(), folder)
+            for name in more or ():
+                lab.start(name)
+            lab.wait_ready(*(more or ()))
             if page is not None:
                 _serve(listener, lab, page, host)
             name, kind = lab_config.robot.name, lab_config.robot.kind

@@ -22,8 +22,6 @@ from offboard.controller.estimate import Frame, WheelSpeeds
 from offboard.controller.report import ParkOutcome, TrajectoryPoint, mpc_state
 from offboard.desk.commander import Commands, Freshness, SessionInfo
 
-CONTROLLER = lcmtypes.velocity_command_t.CONTROLLER
-
 
 class ControllerNode:
     """Listens to poses, wheels and who is alive; commands the robot and speaks MPC_STATE.
@@ -76,7 +74,7 @@ class ControllerNode:
         """Register channels and timers."""
         self._port = port
         self._alive = Freshness(port, self._config)
-        self._commands = Commands(port, self._config, CONTROLLER)
+        self._commands = Commands(port, self._config, self.name)
         SessionInfo(port, self._config, "park")
         port.subscribe(channels.MOCAP_POSE, self._on_pose)
         port.subscribe(channels.WHEEL_STATE, self._on_wheels)

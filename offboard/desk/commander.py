@@ -95,11 +95,18 @@ class Commands:
 
     Who commands also tells the board the time: it is this clock that stamps the commands, and by
     which their age is judged. The logger could not, as it only receives and stores.
+
+    Parameters
+    ----------
+    port, config
+        Of the node.
+    node
+        Its name; its row in the table of processes has a role.
     """
 
-    def __init__(self, port: Port, config: LabConfig, role: int) -> None:
+    def __init__(self, port: Port, config: LabConfig, node: str) -> None:
         self._port = port
-        self.number = commander_number(role, port.process)
+        self.number = commander_number(node, port.process)
         """Of this commander, in commands and in what the motor loop says of them."""
         TimeServer(port)
         self._accelerates = config.robot.kind == "dynamic"

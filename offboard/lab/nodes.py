@@ -1,31 +1,20 @@
-"""Builds nodes; the only place of the desk that knows the robot's side."""
+"""Builds nodes by the table of processes, and of them the lab on virtual time."""
 
 from __future__ import annotations
 
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node
+from koopman_lab.bus.processes import build
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.emulation.board import emulated_board
 from offboard.lab.run_folder import RunFolder
 from offboard.lab.session_watch import RobotWatchNode
-from offboard.logger.node import LoggerNode
-from onboard.motor_loop.node import OnboardNode
-from onboard.plant.node import PlantNode
-
-
-def plant(config: LabConfig) -> Node:
-    """Return what stands in for hardware."""
-    return PlantNode(config)
-
-
-def onboard(config: LabConfig) -> Node:
-    """Return the motor loop."""
-    return OnboardNode(config)
 
 
 def logger(config: LabConfig, folder: RunFolder, *, resume: bool = False) -> Node:
     """Return the logger of a run folder."""
-    return LoggerNode(config, folder.log, resume=resume)
+    node: Node = build("logger", config, folder.log, resume=resume)
+    return node
 
 
 def lockstep_lab(
@@ -45,5 +34,5 @@ def lockstep_lab(
 
 def add_robot(lab: Lockstep, config: LabConfig) -> None:
     """Add the plant, and the motor loop behind the radio and the clock of a simulated board."""
-    lab.add(plant(config))
-    lab.add(onboard(config), emulated_board(config))
+    lab.add(build("plant", config))
+    lab.add(build("onboard", config), emulated_board(config))

@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import lcmtypes
+from koopman_lab.bus.processes import in_stop_order
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.files import write_json
 from koopman_lab.mpc.compiled import cache_folder
 from koopman_lab.units import US_PER_S
-from offboard.desk.processes import PROCESSES
 from offboard.lab.run_folder import RunFolder
 from offboard.monitor.process_states import ALIVE, DIED, STARTING, ProcessState
 
@@ -112,7 +112,7 @@ def broken(url: str, now_us: int) -> dict[str, list[ProcessState]]:
         entries = found.setdefault(facts["robot"], [])
         folder, died = RunFolder(Path(facts["folder"])), facts["died"]
         how = f"killed with process {facts['supervisor_pid']}, which had started it"
-        for row in PROCESSES:
+        for row in in_stop_order():
             pid = facts["processes"].get(row.name)
             if pid is None or (died is not None and died["name"] != row.name):
                 continue  # the others were ended in order, because this one died

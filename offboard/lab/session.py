@@ -10,7 +10,6 @@ from typing import Any
 
 import typer
 
-import lcmtypes
 from koopman_lab.bus.channels import ONBOARD_STATUS
 from koopman_lab.bus.commanders import commander_number
 from koopman_lab.bus.realtime import Listener
@@ -23,11 +22,6 @@ from offboard.lab.supervisor import present, start_missing, supervised
 from offboard.terminal.output import err
 
 INTERRUPTED = 130
-ROLES = {
-    "sampler": lcmtypes.velocity_command_t.SAMPLER,
-    "controller": lcmtypes.velocity_command_t.CONTROLLER,
-    "reference": lcmtypes.velocity_command_t.REFERENCE,
-}
 
 
 @contextlib.contextmanager
@@ -94,7 +88,7 @@ def in_real_time(
         if prepare is not None:
             prepare(there)
         lab.start(commander, *arguments, "--result", result)
-        robot.commander = commander_number(ROLES[commander], lab.process(commander))
+        robot.commander = commander_number(commander, lab.process(commander))
         while not lab.ended(commander):
             listener.spin(0.2)
             lab.check()

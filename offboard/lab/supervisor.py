@@ -15,12 +15,12 @@ from pathlib import Path
 from types import FrameType
 
 import lcmtypes
-from koopman_lab.bus.channels import DRIVERS, HEARTBEATS, PROCESS
+from koopman_lab.bus.channels import HEARTBEATS, PROCESS
+from koopman_lab.bus.processes import Stop, process
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.units import US_PER_S
-from offboard.desk.processes import NAMES
 from offboard.lab.process_notes import ProcessNote, last_lines
 from offboard.lab.python_process import command
 from offboard.lab.run_folder import RunFolder
@@ -40,7 +40,7 @@ LONGEST_LINE = 200
 FAREWELLS = 3
 """How a process ended is said this often: UDP loses messages, and nobody says it later."""
 SHOWN_S = 1.0
-"""So long the page goes on after a process died, to say so to whoever looks."""
+"""So long who only looks on, as the page, goes on after a process died, to say so."""
 SCARCE_BYTES = 1 << 16
 """With less room than this on its disk, a process may have had none for its last words."""
 
@@ -156,7 +156,7 @@ class Supervisor:
         """
         for name, child in self._children.items():
             code = child.poll()
-            if code is None or (code == 0 and name in DRIVERS):
+            if code is None or (code == 0 and process(name).commands):
                 continue
             file, how = self._folder.process_log(name), _how(code)
             lines = last_lines(file)
@@ -178,8 +178,8 @@ class Supervisor:
 
     def stop(self) -> None:
         """Stop all children in order: SIGINT, then SIGTERM, then SIGKILL, 3 s each; say so."""
-        for name in sorted(self._children, key=NAMES.index):
-            if name == "view" and any(
+        for name in sorted(self._children, key=lambda name: process(name).stops):
+            if process(name).stops is Stop.ONLOOKER and any(
                 state == lcmtypes.process_t.DIED for state, _ in self._ended.values()
             ):
                 time.sleep(SHOWN_S)
@@ -229,7 +229,7 @@ class Supervisor:
             message.name, message.pid, message.host = name, child.pid, socket.gethostname()
             message.supervisor_pid = os.getpid()
             message.log_file = str(self._folder.process_log(name).absolute())
-            if child.poll() == 0 and name in DRIVERS:
+            if child.poll() == 0 and process(name).commands:
                 self._note_end(name, message.FINISHED, _how(0))
             message.state, message.ended = self._ended.get(name) or (self._state(name), "")
             if message.state == message.DIED:

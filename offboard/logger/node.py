@@ -44,7 +44,7 @@ class LoggerNode:
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
         self._port = port
-        for channel in channels.CHANNELS:
+        for channel in channels.all_channels():
             if channel.logged:
                 port.subscribe_raw(channel, self._on_message)
         # In lockstep nobody pulls a plug, and many virtual seconds go into a real one.

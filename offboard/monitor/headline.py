@@ -6,11 +6,11 @@ import math
 from collections.abc import Collection, Sequence
 
 import lcmtypes
-from koopman_lab.bus.channels import DRIVERS
+from koopman_lab.bus.channels import COMMANDER
+from koopman_lab.bus.processes import commanders, died
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 from offboard.desk.commander import why_stopped
-from offboard.desk.processes import died
 from offboard.monitor.process_states import DIED, FINISHED, ProcessState
 from offboard.monitor.streams import Stream
 
@@ -98,10 +98,10 @@ def excused(entries: Sequence[ProcessState], *, at_rest: bool) -> set[str]:
         Whether the motor loop says that nobody commands the robot and that it rests.
     """
     over = {entry.name for entry in entries if entry.state == FINISHED}
-    commanders = {entry.name for entry in entries if entry.name in DRIVERS}
+    commanding = {entry.name for entry in entries} & commanders()
     if at_rest:
-        over |= set(DRIVERS)
-    return over | {"commander"} if commanders <= over else over
+        over |= commanders()
+    return over | {COMMANDER} if commanding <= over else over
 
 
 def stale(
@@ -126,7 +126,7 @@ def stale(
         if rate_hz is None or channel is None or channel.suffix in EXCHANGES:
             continue
         age_s = (now_us - stream.heard_us) / US_PER_S
-        passing = channel.publisher == "commander" or channel.publisher in DRIVERS
+        passing = channel.publisher in {COMMANDER, *commanders()}
         if channel.publisher in over or (passing and age_s > FORGOTTEN_S):
             continue
         if age_s > max(PERIODS / rate_hz, SOONEST_STALE_S):

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import lcmtypes
 from koopman_lab.bus.channels import HEARTBEATS
+from koopman_lab.bus.processes import PROCESSES, Process, in_stop_order, who_stops
 from koopman_lab.units import US_PER_S
-from offboard.desk.processes import NAMES, PROCESSES, Process, who_stops
 from offboard.monitor.latest_message import LatestMessage
 
 SILENT_S = 1.6
@@ -94,7 +94,7 @@ class ProcessStates:
     """Of one robot. Several processes may run the same node: each command has its own logger."""
 
     def __init__(self) -> None:
-        self._known: dict[str, dict[int, _Known]] = {name: {} for name in NAMES}
+        self._known: dict[str, dict[int, _Known]] = {}
 
     def beat(self, name: str, data: bytes, arrived_us: int) -> None:
         """Take a heartbeat of a node; what is none says nothing."""
@@ -106,18 +106,18 @@ class ProcessStates:
 
     def tell(self, message: lcmtypes.process_t, arrived_us: int) -> None:
         """Take what a command says of a process it started; names of no process say nothing."""
-        if message.name in NAMES:
+        if message.name in PROCESSES:
             self._of(message.name, message.pid, arrived_us).tell(message, arrived_us)
 
     def entries(self, now_us: int) -> list[ProcessState]:
-        """Return every process that counts, in the order of the table, then of their beginning.
+        """Return every process that counts, in the order of stopping, then of their beginning.
 
         One that ended, or fell silent, counts until the node is started again; one that finished,
         only until another that runs the node is heard.
         """
         entries = []
-        for row in PROCESSES:
-            known = self._known[row.name]
+        for row in in_stop_order():
+            known = self._known.get(row.name, {})
             for pid, one in known.items():
                 state = one.state(row.name, now_us)
                 others = [other for other in known.values() if other is not one]
@@ -130,7 +130,7 @@ class ProcessStates:
 
     def _of(self, name: str, pid: int, now_us: int) -> _Known:
         """Return what is known of a process; the one heard of longest ago makes room."""
-        known = self._known[name]
+        known = self._known.setdefault(name, {})
         if pid not in known:
             if len(known) == MOST_OF_A_NAME:
                 del known[min(known, key=lambda p: known[p].last_us)]

@@ -15,7 +15,6 @@ from offboard.desk.placing import reset_message
 from offboard.reference.driver import Action, Driver, Observation, Phase
 from offboard.reference.shapes import Shape, input_sequence, start_pose
 
-REFERENCE = lcmtypes.velocity_command_t.REFERENCE
 FAREWELLS = 4
 """The last state is sent this often, so that losing one message loses nothing."""
 AT_REST = 1e-6
@@ -51,7 +50,7 @@ class ReferenceNode:
         """Register channels and timers."""
         self._port = port
         self._alive = Freshness(port, self._config)
-        self._commands = Commands(port, self._config, REFERENCE)
+        self._commands = Commands(port, self._config, self.name)
         SessionInfo(port, self._config, "reference")
         port.every(1.0 / self._config.controller.dt_s, self._on_tick)
 

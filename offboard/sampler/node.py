@@ -15,7 +15,6 @@ from offboard.desk.commander import Commands, Freshness, SessionInfo
 from offboard.sampler.plan import Planner
 from offboard.sampler.sampler import NOTHING, Action, Observation, Phase, Progress, Sampler
 
-SAMPLER = lcmtypes.velocity_command_t.SAMPLER
 SEED_STREAM = 2
 """Among the generators that grow from ``config.seed``."""
 FAREWELLS = 4
@@ -49,7 +48,7 @@ class SamplerNode:
         """Register channels and timers."""
         self._port = port
         self._alive = Freshness(port, self._config)
-        self._commands = Commands(port, self._config, SAMPLER)
+        self._commands = Commands(port, self._config, self.name)
         SessionInfo(port, self._config, "calibrate")
         port.subscribe(channels.MOCAP_POSE, self._on_pose)
         port.every(1.0 / self._config.controller.dt_s, self._on_tick)

@@ -115,6 +115,8 @@ Dictionary = Annotated[
 Salvage = Annotated[
     bool, typer.Option("--salvage", help="Use every intact event of a damaged log.")
 ]
+Lifeline = Annotated[int | None, typer.Option("--lifeline-fd", hidden=True)]
+"""From a supervisor; see :func:`koopman_lab.bus.realtime.run_node`."""
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 
 

@@ -4,14 +4,13 @@ import pytest
 
 import lcmtypes
 from koopman_lab.bus.commanders import commander_name, commander_number
-
-ROLES = lcmtypes.velocity_command_t
+from koopman_lab.errors import ConfigError
 
 
 @pytest.mark.parametrize("process", [1, 4711, 2**22])
 def test_two_processes_of_one_role_are_two_commanders_with_names(process):
-    number = commander_number(ROLES.CONTROLLER, process)
-    assert number != commander_number(ROLES.CONTROLLER, process + 1)
+    number = commander_number("controller", process)
+    assert number != commander_number("controller", process + 1)
     assert commander_name(number) == f"controller (process {process})"
     message = lcmtypes.velocity_command_t()
     message.commander = number
@@ -19,8 +18,13 @@ def test_two_processes_of_one_role_are_two_commanders_with_names(process):
 
 
 def test_in_lockstep_the_role_says_it_all():
-    assert commander_name(commander_number(ROLES.SAMPLER, 0)) == "sampler"
+    assert commander_name(commander_number("sampler", 0)) == "sampler"
 
 
 def test_a_number_of_nobody_known_is_still_named():
     assert commander_name(7) == "commander 7"
+
+
+def test_who_has_no_role_commands_nobody():
+    with pytest.raises(ConfigError, match="logger: has no role in the table of processes"):
+        commander_number("logger", 1)

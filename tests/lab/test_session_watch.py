@@ -9,7 +9,7 @@ from koopman_lab.errors import LabStateError
 from offboard.lab.session_watch import PATIENCE_S, START_LIMIT_S, RobotWatch, StartWatch
 
 STATUS = lcmtypes.onboard_status_t
-OWN, OTHER = commander_number(1, 10), commander_number(2, 4711)
+OWN, OTHER = commander_number("sampler", 10), commander_number("controller", 4711)
 END_US = round((PATIENCE_S + 1.0) * 1e6)
 
 
