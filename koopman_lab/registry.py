@@ -110,7 +110,7 @@ class Registry(Generic[T]):
             return resolve_name(target)
         try:
             return resolve_name(target)
-        except Exception as error:  # whatever a stranger's module does on import
+        except (Exception, SystemExit) as error:  # whatever a stranger's module does on import
             raise PluginError(_not_loaded(self.origin(name), target, error)) from error
 
     def origin(self, name: str) -> str:
@@ -173,7 +173,7 @@ class Registry(Generic[T]):
         _require_version(point, where)
         try:
             loaded = point.load()
-        except Exception as error:  # whatever a stranger's module does on import
+        except (Exception, SystemExit) as error:  # whatever a stranger's module does on import
             raise PluginError(_not_loaded(where, point.value, error)) from error
         return self._checked(name, loaded, f"{where} ({point.value})")
 
@@ -195,7 +195,7 @@ class Registry(Generic[T]):
         return f"unknown {self.noun} {name!r}, known: {known}{hint}"
 
 
-def _not_loaded(where: str, target: str, error: Exception) -> str:
+def _not_loaded(where: str, target: str, error: BaseException) -> str:
     reason = f"{type(error).__name__}: {error}"
     return f"{where} ({target}) cannot be loaded: {reason}; mend or uninstall it"
 
@@ -204,15 +204,19 @@ def _require_version(point: EntryPoint, where: str) -> None:
     """Refuse a row of a package that says it was made for another version of this one."""
     # Here, as most runs meet no row of another package.
     from packaging.requirements import InvalidRequirement, Requirement
+    from packaging.utils import canonicalize_name
 
     for text in (point.dist.requires if point.dist else None) or ():
         try:
             requirement = Requirement(text)
         except InvalidRequirement:
             continue
-        here = version(DISTRIBUTION)
-        same = requirement.name.lower().replace("_", "-") == DISTRIBUTION
-        if same and not requirement.specifier.contains(here, prereleases=True):
+        here, marker = version(DISTRIBUTION), requirement.marker
+        if canonicalize_name(requirement.name) != DISTRIBUTION or (
+            marker and not marker.evaluate()
+        ):
+            continue
+        if not requirement.specifier.contains(here, prereleases=True):
             raise PluginError(
                 f"{where} is for {DISTRIBUTION}{requirement.specifier}, this is {here}; install a "
                 "version of the package that fits"
