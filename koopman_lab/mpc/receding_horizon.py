@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from koopman_lab.config.schema import BackEnd, LabConfig
 from koopman_lab.errors import ConfigError, ModelError
 from koopman_lab.koopman.dictionary import dictionary
-from koopman_lab.mpc.costs import stage_cost
+from koopman_lab.mpc.costs import StageCost, stage_cost
 from koopman_lab.mpc.disturbance import DisturbanceEstimator, DisturbedPrediction
 from koopman_lab.mpc.prediction import KoopmanPrediction, LiftedPrediction, PredictionModel
 from koopman_lab.mpc.rollout import Rollout
@@ -203,8 +203,12 @@ def receding_horizon(
     return RecedingHorizon(made, made.rollout, settings.u_max, settings.dt_s, disturbance)
 
 
-def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd | None = None) -> Solver:
-    """Return the solver that a configuration asks for.
+def planning_problem(
+    model: PredictionModel, config: LabConfig
+) -> tuple[PredictionModel, StageCost]:
+    """Return what a configuration plans with: the model as it is propagated, and the stage cost.
+
+    No solver is made for it, so this is the cheap way to see whether one could be.
 
     Parameters
     ----------
@@ -212,8 +216,6 @@ def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd | Non
         Predicts the robot; a Koopman surrogate is reprojected or not as configured.
     config
         The lab.
-    back_end
-        Of the solver; None for the configured one.
 
     Raises
     ------
@@ -243,9 +245,29 @@ def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd | Non
             f"{settings.dt_s}; train with --dt {settings.dt_s} or set controller.dt_s"
         )
     own = dictionary(config.model.dictionary, config.robot.kind)
+    return model, stage_cost(settings, model.dictionary or own)
+
+
+def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd | None = None) -> Solver:
+    """Return the solver that a configuration asks for.
+
+    Parameters
+    ----------
+    model, config
+        See :func:`planning_problem`.
+    back_end
+        Of the solver; None for the configured one.
+
+    Raises
+    ------
+    LabError
+        See :func:`planning_problem`.
+    """
+    model, cost = planning_problem(model, config)
+    settings = config.controller
     return make_solver(
         model,
-        stage_cost(settings, model.dictionary or own),
+        cost,
         settings.horizon,
         settings.u_max,
         back_end or settings.solver,

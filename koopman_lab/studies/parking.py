@@ -160,17 +160,21 @@ def made(case: Case) -> tuple[PredictionModel, Timed]:
         prediction: PredictionModel = (
             NominalPrediction(case.config.robot.kind, case.config.controller.dt_s)
             if case.way == "nominal"
-            else KoopmanPrediction(_loaded(case.model))
+            else KoopmanPrediction(_loaded(case.model, content))
         )
         known[key] = prediction, Timed(solver_of(prediction, case.config))
     return known[key]
 
 
-def _loaded(content: bytes) -> BilinearModel:
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "model.npz"
-        file.write_bytes(content)
-        return BilinearModel.load(file)
+def _loaded(content: bytes, digest: str) -> BilinearModel:
+    """Return the model of a file that holds this, read once however many cases are of it."""
+    models: dict[str, BilinearModel] = _MADE.__dict__.setdefault("models", {})
+    if digest not in models:
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "model.npz"
+            file.write_bytes(content)
+            models[digest] = BilinearModel.load(file)
+    return models[digest]
 
 
 def _configured(config: LabConfig, cost: CostName, way: Way) -> LabConfig:

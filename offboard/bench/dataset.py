@@ -107,12 +107,12 @@ def _session(session: Path | None) -> Iterator[Path]:
         return
     import tempfile
 
-    from offboard.commands.calibrate import record
+    from offboard.lab.calibration import calibrate
     from offboard.lab.run_folder import new_folder
 
     with tempfile.TemporaryDirectory(prefix="koopman-lab-") as place:
         lab = options.resolve(None, None, "dynamic")
         folder = new_folder(Path(place) / "session", "bench", lab)
-        record(lab, folder, None)
+        calibrate(lab, folder, None)
         err.print("recorded a session of the dynamic robot")
         yield folder.path

@@ -104,7 +104,7 @@ def trained(files: Sequence[Path] | None) -> Iterator[list[BilinearModel]]:
     from koopman_lab.data.dataset import DataSet
     from koopman_lab.data.decode import SessionLog
     from koopman_lab.koopman.train import train
-    from offboard.commands.calibrate import record as calibrate
+    from offboard.lab.calibration import calibrate
     from offboard.lab.run_folder import new_folder
 
     models = []

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from koopman_lab.mpc.prediction import PredictionModel
+    from koopman_lab.mpc.solver import Solver
 
 LARGEST_X2_M, LARGEST_ANGLE_RAD = 0.005, math.radians(2.0)
 """What counts as within."""
@@ -127,17 +128,25 @@ def park_all(
     on_progress: Callable[[int, int], None],
 ) -> dict[str, list[Park]]:
     """Return how each controller does from each start."""
-    found: dict[str, list[Park]] = {name: [] for name in controllers}
+    from koopman_lab.mpc.receding_horizon import solver_of
+
+    ends: dict[str, list[Park]] = {name: [] for name in controllers}
+    solvers = {name: solver_of(model, config) for name, (config, model) in controllers.items()}
     for number, start in enumerate(begin):
         for name, (config, prediction) in controllers.items():
-            on_progress(sum(map(len, found.values())), len(begin) * len(controllers))
+            on_progress(sum(map(len, ends.values())), len(begin) * len(controllers))
             noise = config.model_copy(update={"seed": config.seed + number})
-            found[name].append(park_once(noise, prediction, start))
-    return found
+            ends[name].append(park_once(noise, prediction, start, solvers[name]))
+    return ends
 
 
-def park_once(config: LabConfig, prediction: PredictionModel, start: Pose) -> Park:
-    """Run the whole lab on virtual time until the controller ends the drive."""
+def park_once(
+    config: LabConfig, prediction: PredictionModel, start: Pose, solver: Solver | None = None
+) -> Park:
+    """Run the whole lab on virtual time until the controller ends the drive.
+
+    ``solver`` was made before for the same model and configuration; None to make it here.
+    """
     from koopman_lab.bus.lockstep import Lockstep
     from offboard.bench.faults.stage import Witness
     from offboard.controller.node import ControllerNode
@@ -145,7 +154,8 @@ def park_once(config: LabConfig, prediction: PredictionModel, start: Pose) -> Pa
     from offboard.logger.node import LoggerNode
 
     placed = changed(config, "plant", initial_pose=tuple(start))
-    lab, node, witness = Lockstep(placed), ControllerNode(placed, prediction), Witness()
+    node = ControllerNode(placed, prediction, solver=solver)
+    lab, witness = Lockstep(placed), Witness()
     with tempfile.TemporaryDirectory() as folder:
         log = LoggerNode(placed, Path(folder) / "session.lcm")
         nodes.add_robot(lab, placed)

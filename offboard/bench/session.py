@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
+from offboard.lab.session_watch import START_LIMIT_S
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 MORE_THAN_ENOUGH = 10_000
 """Segments per basis input: more than fit into any measurement."""
 WAIT_S = 1.0
-START_LIMIT_S = 30.0
 
 
 def drive(

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from koopman_lab.bus.node import Node
     from koopman_lab.bus.port import Wrap
     from koopman_lab.config.schema import LabConfig
-    from offboard.controller.node import ControllerNode
-    from offboard.reference.node import ReferenceNode
-    from offboard.sampler.node import SamplerNode
 
 app = typer.Typer(
     help="Run one process in the foreground until Ctrl-C.", no_args_is_help=True, cls=NodeGroup
@@ -183,19 +180,15 @@ def sampler(
 
     Example: klab run sampler --robot kinematic --seed 7
     """
-    from koopman_lab.bus.realtime import run_node
-    from koopman_lab.files import write_json
-    from offboard.sampler.resume import interrupted
+    from offboard.lab.calibration import Calibration
+    from offboard.lab.run_folder import RunFolder
+    from offboard.lab.session import run_process
 
     lab = options.resolve(
         config, overrides, options.kind_of(robot), seed=seed, url=url, robot_name=robot_name
     )
-    node: SamplerNode = build(
-        "sampler", lab, interrupted(resume).progress if resume is not None else None
-    )
-    statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
-    if result is not None:
-        write_json(result, node.summary() | {"missed_deadlines": statistics.missed_ticks})
+    session = Calibration(RunFolder(resume) if resume is not None else None)
+    run_process(session, lab, result, lifeline_fd)
 
 
 @_runs
@@ -213,15 +206,12 @@ def reference(
 
     Example: klab run reference --shape square --robot dynamic
     """
-    from koopman_lab.bus.realtime import run_node
-    from koopman_lab.files import write_json
+    from offboard.lab.reference_runs import ReferenceRuns
+    from offboard.lab.session import run_process
     from offboard.reference.shapes import Shape
 
     lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
-    node: ReferenceNode = build("reference", lab, Shape[shape.value.upper()])
-    statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
-    if result is not None:
-        write_json(result, node.summary() | {"missed_deadlines": statistics.missed_ticks})
+    run_process(ReferenceRuns(Shape[shape.value.upper()]), lab, result, lifeline_fd)
 
 
 @_runs
@@ -240,15 +230,11 @@ def controller(
 
     Example: klab run controller --model runs/model.npz --goal 0.5 0 90
     """
-    from koopman_lab.bus.realtime import run_node
-    from koopman_lab.files import write_json
-    from offboard.lab.park_summary import outcome_facts
+    from offboard.lab.parking import Parking
+    from offboard.lab.session import run_process
 
     lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
-    node: ControllerNode = build("controller", lab, model, options.pose_of(goal))
-    statistics = run_node(node, lab, lifeline_fd=lifeline_fd)
-    if result is not None:
-        write_json(result, outcome_facts(node, statistics.missed_ticks))
+    run_process(Parking(model, options.pose_of(goal)), lab, result, lifeline_fd)
 
 
 @_runs

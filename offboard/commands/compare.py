@@ -9,7 +9,8 @@ import typer
 
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
-from offboard.commands.park import STARTS, drive, show
+from offboard.commands.park import show
+from offboard.desk.results import ParkSummary
 from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
 from offboard.terminal.output import err
@@ -34,6 +35,8 @@ CHANGES: dict[str, dict[str, Any]] = {
     "nominal": {"cost": "me", "predict": "nominal"},
 }
 """Of the configuration's section ``controller``."""
+KEPT = ("parked", "reason", "final_pose", "duration_s", "solve_ms", "pose_age_ms")
+"""Of each run's summary, in that of the comparison."""
 
 
 def compare(
@@ -65,7 +68,7 @@ def compare(
     """
     from koopman_lab.koopman.bilinear_model import BilinearModel
     from koopman_lab.mpc.prediction import prediction_of
-    from koopman_lab.mpc.receding_horizon import receding_horizon
+    from offboard.lab import parking
     from offboard.lab.session_watch import session_listener
 
     loaded = BilinearModel.load(model)
@@ -74,27 +77,29 @@ def compare(
     loaded.require_robot(lab.robot.kind)
     names = [choice.value for choice in controller or Contestant]
     labs = {name: changed(lab, "controller", **CHANGES[name]) for name in names}
-    for each in labs.values():
-        # Made once for what it refuses, before anything is started or written.
-        receding_horizon(prediction_of(loaded, each.controller), each)
+    begin = options.pose_of(start if start is not None else parking.STARTS[lab.robot.kind])
+    sessions = {
+        name: parking.Parking(model, start=begin, prediction=prediction_of(loaded, each.controller))
+        for name, each in labs.items()
+    }
+    for name, each in labs.items():
+        sessions[name].require_possible(each)
     whole = new_folder(out, "compare", lab)
-    typed = start if start is not None else STARTS[lab.robot.kind]
-    begin, goal = options.pose_of(typed), options.pose_of((0.0, 0.0, 0.0))
-    facts, curves = {}, []
+    ends, curves = {}, []
     for name, each in labs.items():
         folder = new_folder(whole.path / name, "park", each)
         listener = session_listener(each, lockstep=lockstep)
-        facts[name] = drive(each, folder, model, begin, goal, listener)
-        show(folder, facts[name])
+        ends[name] = parking.park(each, folder, listener, sessions[name])
+        show(folder, ends[name])
         curves.append(_curve(name, folder))
-    _write(whole, lab, facts, curves)
+    _write(whole, lab, ends, curves)
 
 
 def _curve(name: str, folder: RunFolder) -> Curve:
     import numpy as np
 
     from koopman_lab.figures.path import Curve
-    from offboard.lab.park_summary import TRAJECTORY
+    from offboard.lab.parking import TRAJECTORY
 
     rows = np.genfromtxt(folder.path / TRAJECTORY, delimiter=",", names=True)
     poses = np.column_stack([rows["x1_m"], rows["x2_m"], rows["theta_rad"]])
@@ -102,12 +107,14 @@ def _curve(name: str, folder: RunFolder) -> Curve:
 
 
 def _write(
-    whole: RunFolder, lab: LabConfig, facts: dict[str, dict[str, Any]], curves: list[Curve]
+    whole: RunFolder, lab: LabConfig, ends: dict[str, ParkSummary], curves: list[Curve]
 ) -> None:
     from koopman_lab.figures.path import draw_paths
 
     draw_paths(whole.path / "paths", curves, deviation=True)
-    kept = ("parked", "reason", "final_pose", "duration_s", "solve_ms", "pose_age_ms")
-    ends = {name: {key: fact[key] for key in kept} for name, fact in facts.items()}
-    whole.write_summary(lab, {"what": "comparison", "controllers": ends})
+    controllers = {
+        name: {key: value for key, value in end.model_dump().items() if key in KEPT}
+        for name, end in ends.items()
+    }
+    whole.write_summary(lab, {"what": "comparison", "controllers": controllers})
     err.print(f"figure: {whole.path / 'paths.png'}")

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from offboard.commands.calibrate import record
 from offboard.commands.calibrate import show as show_session
 from offboard.commands.data.train import learn
-from offboard.commands.park import STARTS, drive
 from offboard.commands.park import show as show_park
+from offboard.desk.results import ParkSummary
 from offboard.lab.run_folder import new_folder
 from offboard.terminal import options
 from offboard.terminal.output import err, out
@@ -46,13 +45,15 @@ def demo(
 
     Example: klab demo --robot dynamic --lockstep --out runs/demo
     """
+    from offboard.lab.calibration import calibrate
+    from offboard.lab.parking import STARTS, Parking, park
     from offboard.lab.session_watch import session_listener
 
     kind = options.kind_of(robot)
     lab = options.resolve(config, overrides, kind, preset, seed, url, robot_name)
     count = segments if segments is not None else SEGMENTS[lab.robot.kind]
-    wanted = [*(overrides or ()), f"sampler.segments_per_basis={count}"]
-    lab = options.resolve(config, wanted, kind, preset, seed, url, robot_name)
+    changes = [*(overrides or ()), f"sampler.segments_per_basis={count}"]
+    lab = options.resolve(config, changes, kind, preset, seed, url, robot_name)
     listener = session_listener(lab, lockstep=lockstep)
     top = new_folder(directory, "demo", lab)
     runs = count * len(lab.sampler.basis_inputs)
@@ -60,43 +61,42 @@ def demo(
         minutes = runs * SECONDS_PER_SEGMENT / 60.0
         err.print(f"{lab.robot.kind} robot, {runs} segments in real time: about {minutes:.0f} min")
     session = new_folder(top.path / "calibration", "calibration", lab)
-    calibration = record(lab, session, listener)
+    calibration = calibrate(lab, session, listener)
     show_session(session, calibration)
     model = learn([session.path], top.path / "model.npz")
     run = new_folder(top.path / "park", "park", lab)
     start = options.pose_of(STARTS[lab.robot.kind])
-    result = drive(lab, run, model, start, options.pose_of((0.0, 0.0, 0.0)), listener)
+    result = park(lab, run, listener, Parking(model, start=start))
     show_park(run, result)
     passed = _verdict(result)
-    top.write_summary(
-        lab, {"what": "demo", "passed": passed, "calibration": calibration, "park": result}
-    )
+    parts = {"calibration": calibration.model_dump(), "park": result.model_dump()}
+    top.write_summary(lab, {"what": "demo", "passed": passed} | parts)
     _table(result, run.path / "path.png", passed=passed)
     if not passed:
         raise typer.Exit(1)
 
 
-def _verdict(result: dict[str, Any]) -> bool:
-    pose = result["final_pose"]
+def _verdict(result: ParkSummary) -> bool:
+    pose = result.final_pose
     return pose is not None and all(
         abs(value) <= limit for value, limit in zip(pose, LARGEST, strict=True)
     )
 
 
-def _table(result: dict[str, Any], figure: Path, *, passed: bool) -> None:
+def _table(result: ParkSummary, figure: Path, *, passed: bool) -> None:
     from rich.table import Table
 
     table = Table(title="parked within the bounds" if passed else "NOT parked within the bounds")
     for column in ("", "at the end", "allowed"):
         table.add_column(column, justify="right")
-    x1, x2, theta = result["final_pose"] or (math.nan,) * 3
+    x1, x2, theta = result.final_pose or (math.nan,) * 3
     table.add_row("x1", f"{x1 * 1e3:.1f} mm", f"{LARGEST[0] * 1e3:.0f} mm")
     table.add_row("x2", f"{x2 * 1e3:.2f} mm", f"{LARGEST[1] * 1e3:.0f} mm")
     table.add_row("theta", f"{math.degrees(theta):.2f} deg", f"{math.degrees(LARGEST[2]):.0f} deg")
-    table.add_row("duration", f"{result['duration_s']:.1f} s", "")
-    solve = result["solve_ms"]["p99"]
+    table.add_row("duration", f"{result.duration_s:.1f} s", "")
+    solve = result.solve_ms.p99
     table.add_row("solve time p99", "-" if solve is None else f"{solve:.1f} ms", "")
-    table.add_row("missed deadlines", str(result["missed_deadlines"]), "")
-    table.add_row("camera messages lost", str(result["mocap_messages_lost"]), "")
+    table.add_row("missed deadlines", str(result.missed_deadlines), "")
+    table.add_row("camera messages lost", str(result.mocap_messages_lost), "")
     out.print(table)
     out.print(f"path: {figure}")

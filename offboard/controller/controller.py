@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from koopman_lab.units import US_PER_S
 from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds
 from offboard.desk.goal_message import require_reachable
 from offboard.desk.interlock import Interlock
+from offboard.desk.results import Pause
 
 REST_SPEED_M_PER_S = 0.01
 REST_TURN_RAD_PER_S = 0.05
@@ -35,13 +35,6 @@ class State(IntEnum):
     TIME_LIMIT = 3
     FAILED = 4
     PAUSED = 5
-
-
-class Pause(NamedTuple):
-    """Why the robot was stopped for a while, and for how long in s."""
-
-    reason: str
-    duration_s: float
 
 
 @dataclass(frozen=True)
@@ -222,7 +215,7 @@ class Controller:
     def _resume_or_end(self, interlock: Interlock | None, now_us: int) -> None:
         paused_us = now_us - self._paused_us
         if interlock is None:
-            self.pauses.append(Pause(self.reason, paused_us / US_PER_S))
+            self.pauses.append(Pause(reason=self.reason, duration_s=paused_us / US_PER_S))
             self.state, self.reason = State.DRIVING, ""
             self.optimiser.restart()
         elif interlock.lasting or paused_us >= round(self._settings.pause_limit_s * US_PER_S):

@@ -10,17 +10,19 @@ from pathlib import Path
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
-from koopman_lab.config.schema import BackEnd, LabConfig
+from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import ORIGIN, Pose, Velocity, compose, relative_to
 from koopman_lab.mpc.prediction import PredictionModel, load_prediction
 from koopman_lab.mpc.receding_horizon import receding_horizon
+from koopman_lab.mpc.solver import Solver
 from koopman_lab.units import US_PER_S
 from offboard.controller.controller import Controller, Inputs, State
 from offboard.controller.delay import LoopDelay
 from offboard.controller.estimate import Frame, WheelSpeeds
-from offboard.controller.report import ParkOutcome, TrajectoryPoint, mpc_state
+from offboard.controller.report import TrajectoryPoint, mpc_state, trajectory_rows
 from offboard.desk.commander import Commands, Freshness, SessionInfo
+from offboard.desk.results import ParkOutcome
 
 
 class ControllerNode:
@@ -34,8 +36,8 @@ class ControllerNode:
         Predicts the robot, or the model file to load.
     goal
         Goal pose in the inertial frame.
-    back_end
-        Solver; None for the configured one.
+    solver
+        Made before for the same model and configuration; None to make it here.
 
     Raises
     ------
@@ -50,10 +52,10 @@ class ControllerNode:
         config: LabConfig,
         model: PredictionModel | Path,
         goal: Pose = ORIGIN,
-        back_end: BackEnd | None = None,
+        solver: Solver | None = None,
     ) -> None:
         prediction = load_prediction(model, config.controller) if isinstance(model, Path) else model
-        optimiser = receding_horizon(prediction, config, back_end)
+        optimiser = receding_horizon(prediction, config, solver=solver)
         self.controller = Controller(config, optimiser, goal)
         self.marker_offset = prediction.marker_offset
         """Pose of the tracked frame on the robot, as the model knows it."""
@@ -87,20 +89,24 @@ class ControllerNode:
         if self._port is not None:
             self._commands.release(self._port.now_us())
 
-    def outcome(self) -> ParkOutcome:
-        """Return how the run ended, or where it stands."""
-        state, now_us = self.controller.state, self._port.now_us() if self._port else 0
+    def outcome(self, missed_deadlines: int = 0) -> ParkOutcome:
+        """Return how the run ended, or where it stands; who runs the node counts the deadlines."""
+        drive, now_us = self.controller, self._port.now_us() if self._port else 0
         return ParkOutcome(
-            state is State.PARKED,
-            state.name,
-            self.controller.reason,
-            self.controller.pose(),
-            self.controller.duration_s(now_us),
-            list(self.solve_ms),
-            list(self.pose_age_ms),
-            len(self.trajectory),
-            list(self.controller.pauses),
-            self.controller.goal,
+            parked=drive.state is State.PARKED,
+            state=drive.state.name,
+            reason=drive.reason,
+            final_pose=drive.pose(),
+            goal=drive.goal,
+            marker_offset=self.marker_offset,
+            duration_s=drive.duration_s(now_us),
+            pauses=tuple(drive.pauses),
+            steps=len(self.trajectory),
+            solver=self.solver_description,
+            solve_ms=tuple(self.solve_ms),
+            pose_age_ms=tuple(self.pose_age_ms),
+            missed_deadlines=missed_deadlines,
+            trajectory=trajectory_rows(self.trajectory),
         )
 
     def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:

@@ -1,13 +1,14 @@
-"""What the controller reports: each step on the bus, and how the run ended."""
+"""What the controller reports of each step, on the bus and afterwards."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import lcmtypes
 from koopman_lab.geometry.planar import Pose
-from offboard.controller.controller import Outputs, Pause
+from offboard.controller.controller import Outputs
+from offboard.desk.results import Row
 
 
 class TrajectoryPoint(NamedTuple):
@@ -23,45 +24,12 @@ class TrajectoryPoint(NamedTuple):
     value: float
 
 
-@dataclass(frozen=True)
-class ParkOutcome:
-    """How a parking run ended.
-
-    Attributes
-    ----------
-    parked
-        Whether the robot stood inside the parked bounds for long enough.
-    state
-        Name of the controller's state: WAIT, DRIVING, PARKED, TIME_LIMIT, FAILED or PAUSED.
-    reason
-        In words.
-    final_pose
-        Newest valid measured pose of the robot (that which the model is of) relative to the goal,
-        None if there never was one.
-    duration_s
-        From the first driving step to the end of the drive.
-    solve_ms
-        Wall time of each driving step.
-    pose_age_ms
-        Age of the newest measured pose when the command of each driving step acts.
-    steps
-        Number of driving steps.
-    pauses
-        What stopped the robot for a while, in order.
-    goal
-        The last one, in the inertial frame.
-    """
-
-    parked: bool
-    state: str
-    reason: str
-    final_pose: Pose | None
-    duration_s: float
-    solve_ms: list[float]
-    pose_age_ms: list[float]
-    steps: int
-    pauses: list[Pause]
-    goal: Pose
+def trajectory_rows(points: Sequence[TrajectoryPoint]) -> tuple[Row, ...]:
+    """Return the steps of a drive as they are written, with times in s since the first one."""
+    first_us = points[0].utime if points else 0
+    return tuple(
+        ((point.utime - first_us) * 1e-6, *point.state, *point.u, point.value) for point in points
+    )
 
 
 def mpc_state(outputs: Outputs, goal: Pose, solve_ms: float, utime: int) -> lcmtypes.mpc_state_t:

@@ -1,27 +1,49 @@
-"""What calibration and parking share: a node that commands the robot, and everybody around it."""
+"""Runs a session of any kind, on virtual time or in real time, and what is the same for all kinds.
+
+On virtual time the whole lab is in this process. In real time each node has one of its own, and
+this one starts what is missing, watches, and reads what the commanding node has brought.
+"""
 
 from __future__ import annotations
 
 import contextlib
-import json
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic
 
 import typer
+from pydantic import ValidationError
 
-from koopman_lab.bus.channels import ONBOARD_STATUS
+from koopman_lab.bus.channels import ONBOARD_STATUS, PLANT_RESET
 from koopman_lab.bus.commanders import commander_number
-from koopman_lab.bus.realtime import Listener
+from koopman_lab.bus.realtime import Listener, run_node
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import LabError
+from koopman_lab.errors import LabError, LabStateError
+from koopman_lab.files import write_json
+from koopman_lab.units import US_PER_S
+from offboard.desk.placing import reset_message
 from offboard.lab.lab_lock import lab_lock
+from offboard.lab.nodes import lockstep_lab
+from offboard.lab.place_robot import place
 from offboard.lab.run_folder import RunFolder
-from offboard.lab.session_watch import RobotWatch
-from offboard.lab.supervisor import present, start_missing, supervised
-from offboard.terminal.output import err
+from offboard.lab.session_kind import N, Outcome, SessionKind
+from offboard.lab.session_watch import RobotWatch, StartWatch
+from offboard.lab.supervisor import Supervisor, present, start_missing, supervised
+from offboard.terminal.output import Report, err, progress
 
 INTERRUPTED = 130
+WAIT_S = 0.2
+"""Between two looks at the processes."""
+
+
+@dataclass(frozen=True)
+class Run(Generic[Outcome]):
+    """What a session has brought, and how many times faster than real time it ran."""
+
+    outcome: Outcome
+    times_real_time: float
 
 
 @contextlib.contextmanager
@@ -43,40 +65,111 @@ def keeping_the_log(folder: RunFolder, then: str = "") -> Iterator[None]:
         raise
 
 
-def in_real_time(
-    config: LabConfig,
-    folder: RunFolder,
-    listener: Listener,
-    commander: str,
-    *arguments: str | Path,
-    resume: bool = False,
-    prepare: Callable[[set[str]], None] | None = None,
-    watch: Callable[[], None] | None = None,
-) -> dict[str, Any]:
-    """Run a commanding node to its end and return the result that it wrote.
+def run_session(
+    kind: SessionKind[N, Outcome], config: LabConfig, folder: RunFolder, listener: Listener | None
+) -> Run[Outcome]:
+    """Run a session to its end; one that is interrupted keeps its log.
 
     Parameters
     ----------
-    config, folder, listener
-        Of this run.
-    commander
-        Name of the node: sampler, controller or reference.
-    *arguments
-        For its `klab run` command.
-    resume
-        Go on behind the log that is there.
-    prepare
-        Called when the others are ready, with the nodes that were there before.
-    watch
-        Called several times a second while the node runs.
+    kind
+        What the session does.
+    config
+        The lab.
+    folder
+        Takes the files.
+    listener
+        This process's ear on the bus; None for lockstep.
+
+    Raises
+    ------
+    LabError
+        If the session cannot be run: the node cannot do its work as configured, the robot is held
+        still, silent or another's, or a process dies or does not start.
+    """
+    lockstep = listener is None
+    with (
+        keeping_the_log(folder, kind.after_interruption(folder, lockstep=lockstep)),
+        progress(kind.doing, kind.unit) as report,
+    ):
+        if listener is None:
+            return _in_lockstep(kind, config, folder, report)
+        return Run(_in_real_time(kind, config, folder, listener, report), 1.0)
+
+
+def run_process(
+    kind: SessionKind[N, Outcome], config: LabConfig, result: Path | None, lifeline_fd: int | None
+) -> None:
+    """Run the node of a session in this process, in real time, and write down what it has brought.
+
+    Parameters
+    ----------
+    kind, config
+        As of the session.
+    result
+        Takes the outcome as JSON; None to leave it.
+    lifeline_fd
+        As for :func:`~koopman_lab.bus.realtime.run_node`.
+
+    Raises
+    ------
+    LabError
+        If the node cannot do its work as configured, or the bus cannot be opened.
+    """
+    node = kind.make_node(config)
+    statistics = run_node(node, config, lifeline_fd=lifeline_fd)
+    if result is not None:
+        write_json(result, kind.outcome(node, statistics.missed_ticks).model_dump())
+
+
+def read_outcome(file: Path, outcome_type: type[Outcome]) -> Outcome:
+    """Return what the node of a session has written down.
 
     Raises
     ------
     LabStateError
-        If a process dies or does not start, or the robot is held still, silent, or another's, or
-        another command is about to start it.
+        If the file is not there, or holds something else.
     """
-    result = folder.path / "processes" / f"{commander}.json"
+    try:
+        return outcome_type.model_validate_json(file.read_text())
+    except (OSError, ValidationError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it holds something else"
+        raise LabStateError(
+            f"{file}: the outcome of the session cannot be read ({reason}); is another version of "
+            "this software installed meanwhile? What was recorded is whole"
+        ) from None
+
+
+def _in_lockstep(
+    kind: SessionKind[N, Outcome], config: LabConfig, folder: RunFolder, report: Report
+) -> Run[Outcome]:
+    node = kind.make_node(config)
+    lab = lockstep_lab(config, folder, node, kind.resume_us)
+    try:
+        began_s, began_us = time.perf_counter(), lab.now_us
+        if kind.start is not None:
+            lab.publish(PLANT_RESET, reset_message(kind.start, lab.now_us))
+
+        def show(now_s: float) -> None:
+            report(*kind.progress(node, now_s, config))
+
+        lab.run(kind.limit_s(config), on_progress=show)
+        show(lab.now_us / US_PER_S)
+        passed_s = (lab.now_us - began_us) / US_PER_S
+        speed = passed_s / (time.perf_counter() - began_s)
+    finally:
+        lab.close()
+    return Run(kind.outcome(node, 0), speed)
+
+
+def _in_real_time(
+    kind: SessionKind[N, Outcome],
+    config: LabConfig,
+    folder: RunFolder,
+    listener: Listener,
+    report: Report,
+) -> Outcome:
+    result = folder.path / "processes" / f"{kind.node_name}.json"
     there = present(listener)
     robot = RobotWatch(config)
     listener.subscribe(ONBOARD_STATUS, lambda status: robot.see(status, listener.now_us()))
@@ -84,18 +177,42 @@ def in_real_time(
         if "onboard" not in there:
             stack.enter_context(lab_lock(config))
         lab = stack.enter_context(supervised(config, folder, listener))
-        start_missing(lab, there, folder, resume=resume)
-        if prepare is not None:
-            prepare(there)
-        lab.start(commander, *arguments, "--result", result)
-        robot.commander = commander_number(commander, lab.process(commander))
-        while not lab.ended(commander):
-            listener.spin(0.2)
-            lab.check()
-            robot.check(listener.now_us())
-            if watch is not None:
-                watch()
-        lab.check()
-    facts: dict[str, Any] = json.loads(result.read_text())
+        start_missing(lab, there, folder, resume=kind.resume_us is not None)
+        if kind.start is not None:
+            by_hand = "onboard" in there and "plant" not in there
+            place(listener, config, kind.start, by_hand=by_hand)
+        lab.start(kind.node_name, *kind.arguments(), "--result", result)
+        robot.commander = commander_number(kind.node_name, lab.process(kind.node_name))
+        _follow(kind, config, listener, lab, robot, report)
+    outcome = read_outcome(result, kind.outcome_type)
     result.unlink()
-    return facts
+    return outcome
+
+
+def _follow(
+    kind: SessionKind[N, Outcome],
+    config: LabConfig,
+    listener: Listener,
+    lab: Supervisor,
+    robot: RobotWatch,
+    report: Report,
+) -> None:
+    """Show how far the node is until it ends; refuse to wait for what will not come."""
+    start = StartWatch(kind.node_name, kind.waits_for(config), kind.start_limit_s(config))
+    first_us: int | None = None
+
+    def show(state: Any) -> None:
+        nonlocal first_us
+        start.begun = start.begun or kind.has_begun(state)
+        now_us = listener.now_us()
+        first_us = now_us if first_us is None else first_us
+        report(*kind.progress_told(state, (now_us - first_us) / US_PER_S, config))
+
+    listener.subscribe(kind.state_channel, show)
+    while not lab.ended(kind.node_name):
+        listener.spin(WAIT_S)
+        lab.check()
+        now_us = listener.now_us()
+        robot.check(now_us)
+        start.check(now_us)
+    lab.check()

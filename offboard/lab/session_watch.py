@@ -94,12 +94,15 @@ class StartWatch:
         Its name.
     waits_for
         What it needs, and what a person can do about it.
+    limit_s
+        In which it must have begun.
     """
 
-    def __init__(self, node: str, waits_for: str) -> None:
+    def __init__(self, node: str, waits_for: str, limit_s: float = START_LIMIT_S) -> None:
         self.begun = False
         """To be set when it has begun."""
-        self._says = f"{node}: has not begun within {START_LIMIT_S:g} s; it waits for {waits_for}"
+        self._says = f"{node}: has not begun within {limit_s:g} s; it waits for {waits_for}"
+        self._limit_us = round(limit_s * US_PER_S)
         self._first_us: int | None = None
 
     def check(self, now_us: int) -> None:
@@ -108,11 +111,11 @@ class StartWatch:
         Raises
         ------
         LabStateError
-            If it has not begun for :data:`START_LIMIT_S`.
+            If it has not begun within the limit.
         """
         if self._first_us is None:
             self._first_us = now_us
-        if not self.begun and now_us - self._first_us > START_LIMIT_S * US_PER_S:
+        if not self.begun and now_us - self._first_us > self._limit_us:
             raise LabStateError(self._says)
 
 

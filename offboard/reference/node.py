@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.commanders import NOBODY
@@ -12,6 +10,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose
 from offboard.desk.commander import Commands, Freshness, SessionInfo
 from offboard.desk.placing import reset_message
+from offboard.desk.results import ReferenceOutcome
 from offboard.reference.driver import Action, Driver, Observation, Phase
 from offboard.reference.shapes import Shape, input_sequence, start_pose
 
@@ -58,17 +57,18 @@ class ReferenceNode:
         """Give the robot up; the motor loop brings it to rest."""
         self._commands.release(self._port.now_us())
 
-    def summary(self) -> dict[str, Any]:
-        """Return what the session brought: runs, and runs driven again by reason."""
+    def outcome(self, missed_deadlines: int = 0) -> ReferenceOutcome:
+        """Return what the session has brought; who runs the node counts the deadlines."""
         driver = self.driver
-        return {
-            "shape": self._shape.name.lower(),
-            "complete": driver.done == driver.total,
-            "runs": driver.done,
-            "runs_wanted": driver.total,
-            "steps": len(driver.inputs),
-            "repeated": dict(sorted(driver.repeated.items())),
-        }
+        return ReferenceOutcome(
+            shape=self._shape.name.lower(),
+            complete=driver.done == driver.total,
+            runs=driver.done,
+            runs_wanted=driver.total,
+            steps=len(driver.inputs),
+            repeated=dict(sorted(driver.repeated.items())),
+            missed_deadlines=missed_deadlines,
+        )
 
     def _on_tick(self, tick_us: int) -> None:
         del tick_us

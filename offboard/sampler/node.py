@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 import lcmtypes
@@ -12,6 +10,7 @@ from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose, Velocity
 from offboard.desk.commander import Commands, Freshness, SessionInfo
+from offboard.desk.results import CalibrationOutcome
 from offboard.sampler.plan import Planner
 from offboard.sampler.sampler import NOTHING, Action, Observation, Phase, Progress, Sampler
 
@@ -57,16 +56,17 @@ class SamplerNode:
         """Give the robot up; the motor loop brings it to rest."""
         self._commands.release(self._port.now_us())
 
-    def summary(self) -> dict[str, Any]:
-        """Return what the session brought: segments, frames, draws given up by reason."""
+    def outcome(self, missed_deadlines: int = 0) -> CalibrationOutcome:
+        """Return what the session has brought; who runs the node counts the deadlines."""
         s = self.sampler
-        return {
-            "complete": s.done == s.total,
-            "segments": s.done,
-            "segments_wanted": s.total,
-            "frames": s.frames,
-            "redraws": dict(sorted(s.redraws.items())),
-        }
+        return CalibrationOutcome(
+            complete=s.done == s.total,
+            segments=s.done,
+            segments_wanted=s.total,
+            frames=s.frames,
+            redraws=dict(sorted(s.redraws.items())),
+            missed_deadlines=missed_deadlines,
+        )
 
     def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:
         if message.tracking_valid:

@@ -204,7 +204,7 @@ def test_a_calibration_is_complete_and_its_log_a_function_of_the_seed(robot, tmp
         lab = lab_of(config, *standing, sampler)
         assert lab.run(300.0)
         lab.close()
-        assert sampler.summary()["complete"]
+        assert sampler.outcome().complete
         return path
 
     first, same, other = calibrate("a", 1), calibrate("b", 1), calibrate("c", 2)

@@ -40,9 +40,9 @@ def test_the_session_pauses_goes_on_and_keeps_the_run_out_of_the_data(
     lab.publish(FAULT, fault_message(Fault(kind=kind, duration_s=lasts_s), struck_us))
     assert lab.run(LIMIT_S)
     lab.close()
-    summary = node.summary()
-    assert (summary["complete"], summary["segments"]) == (True, 2)
-    assert summary["redraws"][reason] == 1
+    outcome = node.outcome()
+    assert (outcome.complete, outcome.segments) == (True, 2)
+    assert outcome.redraws[reason] == 1
 
     log = SessionLog(folder.log)
     states = log.array(SAMPLER_STATE)
