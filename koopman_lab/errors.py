@@ -28,6 +28,10 @@ class BusError(LabError):
     """The LCM bus cannot be used, or a channel does not exist."""
 
 
+class InstallationError(LabError):
+    """What is asked for needs packages that are not installed here."""
+
+
 class LabStateError(LabError):
     """The lab is not in the state a command needs, for example a process did not start."""
 

@@ -17,9 +17,9 @@ from pkgutil import resolve_name
 from typing import Any, Generic, TypeVar
 
 from koopman_lab.errors import ConfigError, PluginError
+from koopman_lab.installation import DISTRIBUTION
 
 T = TypeVar("T")
-DISTRIBUTION = "koopman-lab"
 NAME = re.compile(r"[a-z][a-z0-9_]{0,29}")
 """Names of rows are typed, and are parts of the names of channels and files."""
 

@@ -16,6 +16,7 @@ from koopman_lab.bus.message_values import flat, json_schema, plain
 from koopman_lab.errors import BusError, LogError
 from koopman_lab.eventlog.eventlog import Event
 from koopman_lab.files import replacing, replacing_folder
+from koopman_lab.installation import require
 
 ARRIVAL = "arrival_us"
 """First column of each CSV file: when the logger received the message (us)."""
@@ -81,13 +82,14 @@ def export_mcap(events: Iterable[Event], path: Path) -> Exported:
 
     Raises
     ------
-    ModuleNotFoundError
-        If the package mcap is missing.
+    InstallationError
+        If the extra mcap is not installed.
     OSError
         If the file cannot be written.
     LogError
         If no message can be decoded.
     """
+    require("mcap", "MCAP")
     from mcap.writer import Writer
 
     written = Exported({}, {})

@@ -15,8 +15,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-CACHE_VARIABLE = "KOOPMAN_LAB_CACHE"
-"""Environment variable that names another cache folder."""
+from koopman_lab.files import cache_folder
 
 COMPILERS = ("cc", "gcc", "clang")
 # Contraction would make the last digits depend on the machine's instruction set.
@@ -35,15 +34,6 @@ def find_compiler() -> str | None:
     wanted = os.environ.get("CC")
     names = (wanted,) if wanted else COMPILERS
     return next(filter(None, map(shutil.which, names)), None)
-
-
-def cache_folder() -> Path:
-    """Return where libraries are kept."""
-    own = os.environ.get(CACHE_VARIABLE)
-    if own:
-        return Path(own)
-    shared = os.environ.get("XDG_CACHE_HOME")
-    return (Path(shared) if shared else Path.home() / ".cache") / "koopman-lab"
 
 
 def library(source: str) -> Path:

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from koopman_lab.errors import LabStateError
+from koopman_lab.installation import require
 from koopman_lab.studies.parking import Case, made, run
 
 Chunk = tuple[Case, Sequence[int]]
@@ -96,17 +97,16 @@ class Cluster:
 
     Raises
     ------
+    InstallationError
+        If the extra cluster is not installed.
     LabStateError
-        If dask.distributed is not installed, or the scheduler does not answer or has no worker.
+        If the scheduler does not answer or has no worker.
     """
 
     def __init__(self, address: str, workers: int = 1) -> None:
-        try:
-            from distributed import Client
-        except ImportError:
-            raise LabStateError(
-                "--dask needs dask.distributed; install it with pip install 'koopman-lab[cluster]'"
-            ) from None
+        require("cluster", "a scheduler of dask.distributed")
+        from distributed import Client
+
         self.where = address
         try:
             self._client = Client(address, timeout=CONNECT_S, set_as_default=False)

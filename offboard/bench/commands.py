@@ -15,6 +15,7 @@ from offboard.bench.parks import parks
 from offboard.bench.stop import stop
 from offboard.bench.view import view
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress
 
 app = typer.Typer(help="Measure this machine and the lab.", no_args_is_help=True)
@@ -115,6 +116,7 @@ def logger(
 
 
 @app.command()
+@needs("desk", "--out", lambda options: options["figure"])
 def motor(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
@@ -146,6 +148,7 @@ def motor(
 
 
 @app.command()
+@needs("desk")
 def faults(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
@@ -174,6 +177,7 @@ def faults(
 
 
 @app.command()
+@needs("desk")
 def ocp(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,

@@ -16,6 +16,7 @@ from koopman_lab.errors import LabStateError
 from offboard.bench.dataset import PAPER_PAIRS
 from offboard.lab.python_process import command
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import out
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ WAYS = {
 }
 
 
+@needs("edmd")
 def edmd(
     repetitions: Annotated[
         int, typer.Option("--repetitions", min=1, help="How often each is timed.")

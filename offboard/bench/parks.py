@@ -17,6 +17,7 @@ from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose, relative_to
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ class Row:
     duration_median_s: float
 
 
+@needs("desk")
 def parks(
     model: options.ModelFile,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Number of starts.")] = 100,

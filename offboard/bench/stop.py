@@ -12,6 +12,7 @@ import typer
 
 from koopman_lab.config.schema import LabConfig
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import Report, out, progress
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ class Stop(NamedTuple):
     stood_ms: float
 
 
+@needs("desk")
 def stop(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,

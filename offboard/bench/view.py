@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ NO_RADIO_LOSS = ("radio.to_robot.loss=0.0", "radio.from_robot.loss=0.0")
 """So that every message that is missing was lost on this machine."""
 
 
+@needs("desk")
 def view(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,

@@ -13,6 +13,7 @@ from koopman_lab.bus.processes import PROCESSES, build
 from offboard.cli.node_group import NodeGroup
 from offboard.commands.view import HOST, PORT, Host, Port, listen, serve, token_for
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 
 if TYPE_CHECKING:
     from koopman_lab.bus.node import Node
@@ -215,6 +216,7 @@ def reference(
 
 
 @_runs
+@needs("desk")
 def controller(
     model: options.ModelFile,
     goal: options.Goal = (0.0, 0.0, 0.0),
@@ -238,6 +240,7 @@ def controller(
 
 
 @_runs
+@needs("desk")
 def view(
     config: options.ConfigFile = None,
     host: Host = HOST,

@@ -13,6 +13,7 @@ from offboard.commands.park import show
 from offboard.desk.results import ParkSummary
 from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ KEPT = ("parked", "reason", "final_pose", "duration_s", "solve_ms", "pose_age_ms
 """Of each run's summary, in that of the comparison."""
 
 
+@needs("desk")
 def compare(
     model: options.ModelFile,
     controller: Annotated[

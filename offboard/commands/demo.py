@@ -14,6 +14,7 @@ from offboard.commands.park import show as show_park
 from offboard.desk.results import ParkSummary
 from offboard.lab.run_folder import new_folder
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out
 
 SEGMENTS = {"kinematic": 5, "dynamic": 30}
@@ -24,6 +25,7 @@ LARGEST = (0.030, 0.010, math.radians(5.0))
 """Final deviations (m, m, rad) within which the demo counts as a success."""
 
 
+@needs("desk")
 def demo(
     robot: options.Robot = None,
     lockstep: options.InLockstep = False,

@@ -6,18 +6,22 @@ import platform
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import BusError
+from koopman_lab.installation import install_command, missing
 from offboard.terminal import options
+from offboard.terminal.needs import commands, needs_of
 from offboard.terminal.output import out
 
 RMEM_MAX = Path("/proc/sys/net/core/rmem_max")
@@ -36,6 +40,7 @@ class Finding:
 
 
 def doctor(
+    context: typer.Context,
     bus_only: Annotated[
         bool, typer.Option("--bus-only", help="Look at the bus only, and be silent if it works.")
     ] = False,
@@ -43,23 +48,24 @@ def doctor(
     overrides: options.Overrides = None,
     url: options.Url = None,
 ) -> None:
-    """Look at Python, LCM, the bus, the compiler and the generated types.
+    """Look at Python, the installation, LCM, the bus, the compiler and the generated types.
 
     Example: klab doctor
     """
     lab = options.resolve(config, overrides, None, url=url)
     checks: list[Callable[[LabConfig], Iterator[Finding]]] = [_bus, _receive_buffer]
     if not bus_only:
-        checks = [_python, _packages, _types, *checks, _compiler]
+        extras = partial(_extras, context.find_root().command)
+        checks = [_python, extras, _packages, _types, *checks, _compiler]
     findings = [finding for check in checks for finding in check(lab)]
     bad = [f for f in findings if not f.good and f.needed]
     for finding in findings:
         if bus_only and finding not in bad:
             continue
         word = "ok" if finding.good else ("MISSING" if finding.needed else "missing, not needed")
-        out.print(f"{finding.what}: {word} ({finding.found})")
+        out.print(f"{finding.what}: {word} ({finding.found})", markup=False)
         if finding.remedy and not finding.good:
-            out.print(f"    {finding.remedy}")
+            out.print(f"    {finding.remedy}", markup=False)
     if bad:
         raise typer.Exit(2)
 
@@ -70,10 +76,48 @@ def _python(lab: LabConfig) -> Iterator[Finding]:
     yield Finding("Python", platform.python_version(), good, remedy="install Python 3.10 or newer")
 
 
+def _extras(klab: Any, lab: LabConfig) -> Iterator[Finding]:
+    """Say which installation this is, and of each extra what is missing for which commands."""
+    del lab
+    users = _users(klab)
+    there = [extra for extra in users if not missing(extra)]
+    kind = f"base and {', '.join(there)}" if there else "base, enough for a robot's board"
+    yield Finding("installation", kind, good=True)
+    for extra in users:
+        absent = ", ".join(missing(extra))
+        yield Finding(
+            f"extra {extra}",
+            f"without {absent} not: klab {', '.join(users[extra])}" if absent else "complete",
+            not absent,
+            needed=False,
+            remedy=install_command(extra),
+        )
+
+
+def _users(klab: Any) -> dict[str, list[str]]:
+    """Return by extra the commands that need it; a group all of whose commands do is one."""
+    users: dict[str, list[str]] = {}
+    sizes = Counter(words.partition(" ")[0] for words, _ in commands(klab))
+    for words, command in commands(klab):
+        for extra, option in needs_of(command.callback):
+            users.setdefault(extra, []).append(f"{words} {option}".rstrip())
+    for extra, names in users.items():
+        groups = Counter(name.partition(" ")[0] for name in names)
+        shown = {
+            f"{group} ..." if 1 < sizes[group] == groups[group] else name
+            for name in names
+            for group in [name.partition(" ")[0]]
+        }
+        users[extra] = sorted(shown)
+    return users
+
+
 def _packages(lab: LabConfig) -> Iterator[Finding]:
     del lab
     found = version("lcm")
     yield Finding("lcm", found, found == "1.5.3", remedy="pip install lcm==1.5.3")
+    if missing("desk"):
+        return
     import casadi
 
     solvers = [name for name in ("fatrop", "ipopt") if casadi.has_nlpsol(name)]

@@ -10,6 +10,7 @@ import typer
 
 from koopman_lab.errors import DataError
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, show_damage
 
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log, or its run folder.")]
@@ -22,6 +23,7 @@ class Format(str, Enum):
     mcap = "mcap"
 
 
+@needs("desk")
 def plot(
     log: LogFile,
     file: Annotated[
@@ -56,6 +58,7 @@ def plot(
     err.print(f"figure: {stem.with_suffix('.png')}")
 
 
+@needs("mcap", "--format mcap", lambda options: options["format_"] is Format.mcap)
 def export(
     log: LogFile,
     file: Annotated[
@@ -85,10 +88,6 @@ def export(
     out = file if file is not None else path.with_name(f"{path.stem}{ending}")
     try:
         written = (export_csv if format_ is Format.csv else export_mcap)(events, out)
-    except ModuleNotFoundError as missing:
-        raise DataError(
-            f"--format mcap needs {missing.name}; install it: pip install 'koopman-lab[mcap]'"
-        ) from None
     except OSError as error:
         raise DataError(
             f"{out}: cannot be written ({error.strerror}); choose another with --out"

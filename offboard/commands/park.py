@@ -10,9 +10,11 @@ import typer
 from offboard.desk.results import ParkSummary
 from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err
 
 
+@needs("desk")
 def park(
     model: options.ModelFile,
     start: options.Start = None,

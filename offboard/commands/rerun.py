@@ -11,6 +11,7 @@ import typer
 from koopman_lab.errors import ConfigError
 from offboard.terminal import options
 from offboard.terminal.choices import row_option
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ def _nodes() -> list[str]:
     return [row.name for row in in_stop_order() if row.rebuild]
 
 
+@needs("desk", "--node controller", lambda options: options["node"] == "controller")
 def rerun(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A log, or its run folder.")],
     node: Annotated[str, row_option("--node", "RECORDED_NODE", _nodes, "Which node runs again.")],

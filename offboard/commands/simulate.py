@@ -14,6 +14,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ModelError
 from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ class Predict(str, Enum):
     lifted = "lifted"
 
 
+@needs("desk")
 def simulate(
     model: Annotated[
         Path | None, typer.Option("--model", metavar="FILE", help="From `klab train`.")

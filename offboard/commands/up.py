@@ -16,6 +16,7 @@ from offboard.commands.view import HOST, PORT, TOKEN, Host, Port, addresses, lis
 from offboard.lab.run_folder import new_folder
 from offboard.terminal import options
 from offboard.terminal.choices import row_option
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, status_line
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ PAGE_LIMIT_S = 30.0
 WAIT_S = 0.1
 
 
+@needs("desk", "--view", lambda options: options["view"])
 def up(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,

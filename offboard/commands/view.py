@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ TOKEN = "KOOPMAN_LAB_PAGE_TOKEN"
 """Environment variable by which `klab up` gives the token: a list of processes would show it."""
 
 
+@needs("desk")
 def view(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
@@ -81,26 +83,16 @@ def serve(
 
     Raises
     ------
-    LabStateError
-        If the extra packages are missing.
     BusError
         If the bus cannot be opened.
     """
-    from koopman_lab.errors import LabStateError
-
-    try:
-        import uvicorn
-        import websockets  # noqa: F401  uvicorn asks for it only when the first page connects
-
-        from offboard.viewer.server import LARGEST_FRAME, Server
-    except ModuleNotFoundError as missing:
-        raise LabStateError(
-            f"klab view needs {missing.name}; install it: pip install 'koopman-lab[view]'"
-        ) from None
     import asyncio
+
+    import uvicorn
 
     from offboard.viewer.desk import Desk
     from offboard.viewer.guard import Guard
+    from offboard.viewer.server import LARGEST_FRAME, Server
 
     desk = Desk(config, own=own)
 

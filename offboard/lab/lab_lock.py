@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
-from koopman_lab.mpc.compiled import cache_folder
+from koopman_lab.files import cache_folder
 from offboard.lab.process_notes import FOLDER, lab_key
 
 

@@ -19,8 +19,7 @@ from typing import Any
 import lcmtypes
 from koopman_lab.bus.processes import in_stop_order
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.files import write_json
-from koopman_lab.mpc.compiled import cache_folder
+from koopman_lab.files import cache_folder, write_json
 from koopman_lab.units import US_PER_S
 from offboard.lab.run_folder import RunFolder
 from offboard.monitor.process_states import ALIVE, DIED, STARTING, ProcessState

@@ -14,6 +14,7 @@ from koopman_lab.errors import LabStateError
 from koopman_lab.files import write_json
 from offboard.lab.run_folder import run_path
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ ASKED = "reproduction.json"
 """What the folder is of: the reproduction that --resume goes on with."""
 
 
+@needs("desk")
 def reproduce(
     quick: Annotated[
         bool,

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from koopman_lab.config.load import load_config
-from offboard.lab.process_notes import Note, broken, with_broken
+from offboard.lab.process_notes import ProcessNote, broken, with_broken
 from offboard.lab.run_folder import RunFolder
 from offboard.monitor.process_states import ALIVE, DIED
 
@@ -14,11 +14,11 @@ NOW_US = 1_800_000_000_000_000
 
 @pytest.fixture
 def lab(bus_url, tmp_path, monkeypatch):
-    """Note a lab whose command is this process, which is no `klab`: to others it is gone."""
+    """ProcessNote a lab whose command is this process, which is no `klab`: to others it is gone."""
     monkeypatch.setenv("KOOPMAN_LAB_CACHE", str(tmp_path / "cache"))
     config = load_config(overrides=[f"bus.url={bus_url}"])
     folder = RunFolder(tmp_path / "run")
-    note = Note(config, folder)
+    note = ProcessNote(config, folder)
     folder.process_log("plant").parent.mkdir(parents=True)
     for pid, name in enumerate(("logger", "plant", "onboard"), start=100):
         note.started(name, pid)
@@ -57,9 +57,9 @@ def test_the_next_lab_of_the_robot_takes_the_place_of_what_broke(lab, bus_url):
     config, folder, note = lab
     note.died("plant", "exit code 1", NOW_US)
     other = config.model_copy(update={"robot": config.robot.model_copy(update={"name": "R2"})})
-    Note(other, folder).started("plant", 200)
+    ProcessNote(other, folder).started("plant", 200)
     assert set(broken(bus_url, NOW_US)) == {"R1", "R2"}
-    following = Note(config, folder)
+    following = ProcessNote(config, folder)
     following.started("logger", 300)
     following.over()
     assert set(broken(bus_url, NOW_US)) == {"R2"}
@@ -86,7 +86,7 @@ def test_a_folder_that_cannot_be_written_costs_only_the_note(lab, bus_url, tmp_p
     config, folder, _ = lab
     (tmp_path / "file").write_text("in the way")
     monkeypatch.setenv("KOOPMAN_LAB_CACHE", str(tmp_path / "file"))
-    note = Note(config, folder)
+    note = ProcessNote(config, folder)
     note.started("logger", 1)
     note.over()
     assert broken(bus_url, NOW_US) == {}

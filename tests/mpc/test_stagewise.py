@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from koopman_lab.config.load import load_config
+from koopman_lab.files import CACHE_VARIABLE
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.mpc import compiled, stagewise
@@ -48,7 +49,7 @@ def weights(model, name="me"):
 
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
-    monkeypatch.setenv(compiled.CACHE_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
     return tmp_path / "cache"
 
 
@@ -156,7 +157,7 @@ def test_a_compiler_that_fails_is_quoted(cache, tmp_path, monkeypatch):
 def test_a_cache_that_cannot_be_written_is_done_without(tmp_path, monkeypatch):
     in_the_way = tmp_path / "file"
     in_the_way.write_text("")
-    monkeypatch.setenv(compiled.CACHE_VARIABLE, str(in_the_way))
+    monkeypatch.setenv(CACHE_VARIABLE, str(in_the_way))
     made = solver()
     assert str(in_the_way) in made.description
     assert solves(made)
@@ -177,7 +178,7 @@ def test_what_is_compiled_once_is_used_again(tmp_path, monkeypatch):
 
 def test_a_damaged_library_is_built_again(tmp_path, monkeypatch):
     for folder in ("whole", "damaged"):
-        monkeypatch.setenv(compiled.CACHE_VARIABLE, str(tmp_path / folder))
+        monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / folder))
         if folder == "damaged":
             # At the place that the same source has in a cache that was never loaded from.
             (library,) = (tmp_path / "whole").glob("*.so")

@@ -13,12 +13,14 @@ import typer
 
 from koopman_lab.errors import DataError, ModelError
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress, show_damage
 
 if TYPE_CHECKING:
     from koopman_lab.evaluation.samples_needed import NeededRow
 
 
+@needs("desk")
 def needed(
     source: Annotated[
         Path, typer.Argument(metavar="SOURCE", help="A session, or a data set .npz of one.")

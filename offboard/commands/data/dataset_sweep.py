@@ -14,6 +14,7 @@ import typer
 
 from koopman_lab.errors import DataError
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress, show_damage
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ class Estimators(str, Enum):
     both = "both"
 
 
+@needs("desk")
 def sweep(
     session: Annotated[
         Path, typer.Argument(metavar="SESSION_DIR_OR_LOG", help="Of the dynamic robot.")

@@ -12,6 +12,7 @@ import typer
 from koopman_lab.errors import DataError
 from offboard.commands.data.validation_inputs import models_and_runs
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, show_damage
 
 app = typer.Typer(help="Draw figures of the paper from what was recorded.", no_args_is_help=True)
@@ -26,6 +27,7 @@ FigureFile = Annotated[
 
 
 @app.command()
+@needs("desk")
 def samples(
     session: Annotated[
         Path, typer.Argument(metavar="SESSION_DIR_OR_LOG", help="From `klab calibrate`.")
@@ -57,6 +59,7 @@ def samples(
 
 
 @app.command()
+@needs("desk")
 def dictionaries(
     given: options.ModelsAndRuns,
     file: FigureFile,
@@ -78,6 +81,7 @@ def dictionaries(
 
 
 @app.command()
+@needs("desk")
 def multistep(
     given: options.ModelsAndRuns,
     file: FigureFile,

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import out
 
 app = typer.Typer(help="Look into model files.", no_args_is_help=True)
@@ -23,6 +24,7 @@ def _group() -> None:
 
 
 @app.command()
+@needs("desk")
 def info(
     file: Annotated[Path, typer.Argument(metavar="MODEL", help="From `klab train`.")],
     as_json: options.AsJson = False,

@@ -14,6 +14,7 @@ from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import ModelError
 from offboard.commands.data.marker_line import marker_line
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, show_damage
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class CombinationName(str, Enum):
     generator = "generator"
 
 
+@needs("desk")
 def train(
     sources: Annotated[
         list[Path],

@@ -12,6 +12,7 @@ from koopman_lab.errors import DataError
 from offboard.commands.data.validation_inputs import models_and_runs
 from offboard.lab.run_folder import run_path
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 FIGURE = "validation"
 
 
+@needs("desk")
 def validate(
     given: options.ModelsAndRuns,
     steps: options.Steps = 20,

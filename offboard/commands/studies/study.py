@@ -13,6 +13,7 @@ from koopman_lab.errors import DataError
 from offboard.commands.simulate import DURATIONS_S, STARTS, CostChoice
 from offboard.commands.studies import study_starts
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress
 
 app = typer.Typer(help="Study the closed loop in simulation.", no_args_is_help=True)
@@ -23,6 +24,7 @@ for _command in study_starts.COMMANDS:
 
 
 @app.command()
+@needs("desk")
 def weights(
     model: Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")],
     file: Annotated[Path, typer.Option("--out", metavar="FILE", help="CSV file of all runs.")],

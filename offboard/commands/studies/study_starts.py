@@ -13,6 +13,7 @@ from koopman_lab.errors import DataError
 from offboard.commands.simulate import DURATIONS_S
 from offboard.commands.studies.study_run import How, how_to_run, opened, run, trained, with_model
 from offboard.terminal import options
+from offboard.terminal.needs import needs
 
 if TYPE_CHECKING:
     from koopman_lab.studies.parking import Case
@@ -45,6 +46,8 @@ Dask = Annotated[
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with the study in --out DIR.")]
 
 
+@needs("cluster", "--dask", lambda options: options["dask"])
+@needs("desk")
 def kinematic_parking(
     model: Model,
     runs: Runs = 1000,
@@ -67,6 +70,8 @@ def kinematic_parking(
     _parking("kinematic-parking", "kinematic", model, how, config, overrides, seed)
 
 
+@needs("cluster", "--dask", lambda options: options["dask"])
+@needs("desk")
 def dynamic_parking(
     model: Model,
     runs: Runs = 1000,
@@ -89,6 +94,8 @@ def dynamic_parking(
     _parking("dynamic-parking", "dynamic", model, how, config, overrides, seed)
 
 
+@needs("cluster", "--dask", lambda options: options["dask"])
+@needs("desk")
 def horizon(
     model: Model,
     runs: Runs = 1000,
@@ -117,6 +124,8 @@ def horizon(
     run("horizon", cases, how)
 
 
+@needs("cluster", "--dask", lambda options: options["dask"])
+@needs("desk")
 def data_efficiency(
     kinematic: Annotated[
         Path | None,
@@ -163,6 +172,8 @@ def data_efficiency(
     run("data-efficiency", cases, how, facts)
 
 
+@needs("cluster", "--dask", lambda options: options["dask"])
+@needs("desk")
 def combination(
     source: Source,
     runs: Runs = 1000,
@@ -190,6 +201,8 @@ def combination(
     _methods("combination", recipes, source, dictionary, overrides, seed, how)
 
 
+@needs("cluster", "--dask", lambda options: options["dask"])
+@needs("desk")
 def fit(
     source: Source,
     runs: Runs = 1000,
