@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
 import lcmtypes
 from koopman_lab.bus.processes import PROCESSES, process
 from koopman_lab.bus.replay_guard import Replayed
-from koopman_lab.errors import BusError
+from koopman_lab.errors import BusError, PluginError
+from koopman_lab.robots.command_message import CommandMessage
+from koopman_lab.robots.dynamic import DYNAMIC
+from koopman_lab.robots.kinematic import KINEMATIC
+from koopman_lab.robots.robot_type import RobotType
+from koopman_lab.robots.table import ROBOTS
 
 if TYPE_CHECKING:
     from koopman_lab.config.schema import LabConfig
@@ -85,6 +90,11 @@ class Channel(Generic[M]):
         """Return the channel name on the bus, for example ``R1_MOCAP_POSE``."""
         return f"{robot_name}_{self.suffix}"
 
+    @property
+    def is_command(self) -> bool:
+        """Return whether it carries inputs to a robot, whatever its kind."""
+        return self.rate == "control" and self.publisher == COMMANDER
+
     def rate_hz(self, config: LabConfig) -> float | None:
         """Return the nominal rate, or None for a channel that speaks only on events."""
         if isinstance(self.rate, (int, float)):
@@ -102,6 +112,10 @@ class Channel(Generic[M]):
         }[self.rate]
 
 
+def _carrying(command: CommandMessage) -> Channel[Any]:
+    return Channel(command.suffix, command.type, "control", COMMANDER)
+
+
 MOCAP_POSE = Channel("MOCAP_POSE", lcmtypes.mocap_pose_t, "mocap", "plant")
 ENCODER = Channel("ENCODER", lcmtypes.encoder_t, "motor", "plant", wired=True, replayed="stream")
 MOTOR_CMD = Channel(
@@ -109,10 +123,8 @@ MOTOR_CMD = Channel(
 )
 WHEEL_STATE = Channel("WHEEL_STATE", lcmtypes.wheel_state_t, "wheel_state", "onboard")
 ONBOARD_STATUS = Channel("ONBOARD_STATUS", lcmtypes.onboard_status_t, "status", "onboard")
-VELOCITY_CMD = Channel("VELOCITY_CMD", lcmtypes.velocity_command_t, "control", "commander")
-ACCELERATION_CMD = Channel(
-    "ACCELERATION_CMD", lcmtypes.acceleration_command_t, "control", "commander"
-)
+VELOCITY_CMD = _carrying(KINEMATIC.commanded())
+ACCELERATION_CMD = _carrying(DYNAMIC.commanded())
 ESTOP = Channel("ESTOP", lcmtypes.estop_t, "event", "operator")
 PLANT_RESET = Channel("PLANT_RESET", lcmtypes.plant_reset_t, "event", "operator", replayed="order")
 GOAL = Channel("GOAL", lcmtypes.goal_t, "event", "operator")
@@ -188,16 +200,16 @@ CHANNELS: tuple[Channel[Any], ...] = (
     PROCESS,
     *HEARTBEATS.own(),
 )
-"""Our own."""
+"""Our own; :func:`all_channels` has those of other packages as well."""
 
 
 def all_channels() -> tuple[Channel[Any], ...]:
-    """Return our own channels and those of nodes that other packages add.
+    """Return our own channels and those of nodes and robots that other packages add.
 
-    What :func:`channel_faults` names is left out.
+    What :func:`channel_faults` names is left out, and what :func:`command_channel` refuses.
     """
     channels = {channel.suffix: channel for channel in CHANNELS}
-    for channel in _others():
+    for channel in (*_of_other_nodes(), *_of_robots()):
         channels.setdefault(channel.suffix, channel)
     return tuple(channels.values())
 
@@ -206,7 +218,7 @@ def channel_faults() -> dict[str, str]:
     """Return by node of other packages what is wrong with its channels."""
     taken = {channel.suffix: channel.publisher for channel in CHANNELS}
     faults = {}
-    for channel in _others():
+    for channel in _of_other_nodes():
         owner = taken.setdefault(channel.suffix, channel.publisher)
         if owner != channel.publisher:
             faults[channel.publisher] = (
@@ -216,12 +228,47 @@ def channel_faults() -> dict[str, str]:
     return faults
 
 
-def _others() -> Iterator[Channel[Any]]:
+def _of_other_nodes() -> Iterator[Channel[Any]]:
     """Give the channels of nodes that other packages add."""
     for node in HEARTBEATS.others():
         yield HEARTBEATS[node]
         for channel in process(node).channels:
             yield replace(channel, publisher=node)
+
+
+def _of_robots() -> Iterator[Channel[Any]]:
+    """Give the channels that kinds of robots are commanded on."""
+    for robot in ROBOTS:
+        if robot.command is not None:
+            yield _carrying(robot.command)
+
+
+def command_channel(robot: RobotType) -> Channel[Any]:
+    """Return the channel that a kind of robot is commanded on.
+
+    Raises
+    ------
+    LabStateError
+        If nobody can command it.
+    PluginError
+        If the channel carries another message already.
+    """
+    command = robot.commanded()
+    for channel in all_channels():
+        if channel.suffix == command.suffix and channel.type is not command.type:
+            raise PluginError(
+                f"robot {robot.name!r}: the channel {command.suffix} carries "
+                f"{channel.type.__name__} already, not {command.type.__name__}; its description "
+                "needs another suffix"
+            )
+    return _carrying(command)
+
+
+def wheel_command_channels() -> tuple[Channel[Any], ...]:
+    """Return the channels on which robots on two driven wheels are commanded, whatever the kind."""
+    commands = [robot.command for robot in ROBOTS if robot.drive is not None]
+    suffixes = {command.suffix for command in commands if command is not None}
+    return tuple(channel for channel in all_channels() if channel.suffix in suffixes)
 
 
 def split_name(name: str) -> tuple[str, Channel[Any]]:
@@ -232,15 +279,22 @@ def split_name(name: str) -> tuple[str, Channel[Any]]:
     BusError
         If no row ends the name.
     """
-    channels = all_channels()
-    for channel in channels:
+    # Those of other packages only where needed: monitors ask this of every message.
+    split = _split(name, CHANNELS) or _split(name, all_channels())
+    if split is not None:
+        return split
+    raise BusError(
+        f"channel {name!r} is not of this lab; names are ROBOT_SUFFIX with one of: "
+        f"{_listing(all_channels())}"
+    )
+
+
+def _split(name: str, table: Iterable[Channel[Any]]) -> tuple[str, Channel[Any]] | None:
+    for channel in table:
         robot_name, joint, rest = name.rpartition(f"_{channel.suffix}")
         if joint and not rest and robot_name:
             return robot_name, channel
-    raise BusError(
-        f"channel {name!r} is not of this lab; names are ROBOT_SUFFIX with one of: "
-        f"{_listing(channels)}"
-    )
+    return None
 
 
 def robots_of(names: Iterable[str]) -> list[str]:

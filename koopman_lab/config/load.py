@@ -1,56 +1,35 @@
 """From YAML files and ``--set`` overrides to a validated :class:`LabConfig`.
 
-Layers, later ones winning key by key: the defaults of both robots, those of the robot's kind, the
-plant preset, the user's file, the overrides.
+Layers, later ones winning key by key: the defaults of all robots, those of the robot's kind, the
+plant preset, what the preset changes for the kind, the user's file, the overrides.
 """
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache
-from importlib import resources
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from koopman_lab.config.layer import Key, Layer, merge, override_layer, parse_layer, read_layer
+from koopman_lab.config.robot_defaults import default_layer, robot_layer, robot_preset_layer
+from koopman_lab.config.robot_fit import RobotMisfitError
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import ConfigError
-
-LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""As safe either way; that in C, where PyYAML was built with it, takes a tenth of the time."""
+from koopman_lab.robots.robot_type import RobotType
+from koopman_lab.robots.table import DEFAULT_ROBOT, robot_type
 
 Preset = Literal["lab", "ideal", "harsh"]
-Key = tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Layer:
-    """Values from one source, and the line of each key where the source is a file."""
-
-    source: str
-    values: dict[str, Any]
-    lines: Mapping[Key, int]
-
-    def locate(self, key: Key) -> str | None:
-        """Return ``file:line`` if this layer sets ``key`` or, failing that, something above it."""
-        while key:
-            if key in self.lines:
-                line = self.lines[key]
-                return f"{self.source}:{line}" if line else self.source
-            key = key[:-1]
-        return None
 
 
 def load_config(
     file: Path | None = None,
     *,
-    robot: RobotKind | None = None,
+    robot: str | None = None,
     preset: Preset = "lab",
     bus_url: str | None = None,
     overrides: Sequence[str] = (),
@@ -75,20 +54,20 @@ def load_config(
     ConfigError
         If something cannot be read or is not allowed; the message names file, line, key, what is
         allowed and the nearest valid key.
+    PluginError
+        If the robot is another package's, and cannot be used.
     """
     user = [read_layer(file)] if file else []
-    user += [_override(text) for text in overrides]
+    user += [override_layer(text) for text in overrides]
     values: dict[str, Any]
     said = _robot_kind(user)
     if robot and said and robot != said:
         where = _locate(("robot", "kind"), user)
         raise ConfigError(f"{where}: robot.kind is {said}, but --robot says {robot}; drop one")
-    kind = robot or said or "kinematic"
-    layers = [_default("base"), _default(kind)]
-    if preset == "ideal":
-        layers += [_default("ideal"), _default(f"ideal_{kind}")]
-    elif preset == "harsh":
-        layers.append(_default("harsh"))
+    kind = _known_robot(said, user) if said else robot_type(robot or DEFAULT_ROBOT)
+    layers = [default_layer("base"), robot_layer(kind)]
+    if preset != "lab":
+        layers += [default_layer(preset), robot_preset_layer(kind, preset)]
     if bus_url:
         values = {"bus": {"url": bus_url}}
         layers.append(Layer("LCM_DEFAULT_URL", values, {("bus",): 0, ("bus", "url"): 0}))
@@ -117,110 +96,36 @@ def parse_config(text: str, source: str) -> LabConfig:
     ------
     ConfigError
         If the text is no valid configuration of a robot; ``source`` says where it came from.
+    PluginError
+        If the robot is another package's, and cannot be used.
     """
-    said = _parse(text, source)
+    said = parse_layer(text, source)
     kind = _robot_kind([said])
     values = said.values
     if kind is not None:
-        for name in (kind, "base"):
-            values = merge(_default(name).values, values)
+        for layer in (robot_layer(_known_robot(kind, [said])), default_layer("base")):
+            values = merge(layer.values, values)
     try:
         return LabConfig.model_validate(values)
     except ValidationError as error:
         raise ConfigError(_explain(error.errors(), [said])) from None
 
 
-def merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Return ``below`` with ``above`` laid over it, section by section."""
-    merged = dict(below)
-    for key, value in above.items():
-        old = merged.get(key)
-        both = isinstance(old, Mapping) and isinstance(value, Mapping)
-        merged[key] = merge(old, value) if both else value  # type: ignore[arg-type]
-    return merged
-
-
-def read_layer(file: Path) -> Layer:
-    """Read one YAML file.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such file or it is not a YAML mapping.
-    """
-    try:
-        text = file.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ConfigError(f"{file}: no such configuration file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{file}: cannot be read as a configuration: {error}") from None
-    return _parse(text, str(file))
-
-
-def _parse(text: str, source: str) -> Layer:
-    try:
-        loader = LOADER(text)
-        try:
-            root = loader.get_single_node()
-            values = None if root is None else loader.construct_document(root)
-        finally:
-            loader.dispose()
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"{source}:{mark.line + 1}" if mark else source
-        reason = getattr(error, "problem", None) or str(error)
-        raise ConfigError(f"{where}: not valid YAML: {reason}") from None
-    if values is None:
-        return Layer(source, {}, {})
-    if not isinstance(values, dict):
-        raise ConfigError(
-            f"{source}:1: expected sections such as 'controller:', found a single value"
-        )
-    return Layer(source, values, dict(_lines(root, ())))
-
-
-def _lines(node: yaml.Node | None, above: Key) -> Iterator[tuple[Key, int]]:
-    if isinstance(node, yaml.MappingNode):
-        for key_node, value_node in node.value:
-            key = (*above, str(key_node.value))
-            yield key, key_node.start_mark.line + 1
-            yield from _lines(value_node, key)
-    elif isinstance(node, yaml.SequenceNode):
-        for index, item in enumerate(node.value):
-            key = (*above, str(index))
-            yield key, item.start_mark.line + 1
-            yield from _lines(item, key)
-
-
-def _override(text: str) -> Layer:
-    dotted, equals, value_text = text.partition("=")
-    key = tuple(part.strip() for part in dotted.split("."))
-    if not equals or not all(key):
-        raise ConfigError(f"--set {text}: expected section.key=value, e.g. controller.horizon=40")
-    try:
-        value = yaml.safe_load(value_text)
-    except yaml.YAMLError:
-        raise ConfigError(f"--set {text}: {value_text!r} is not a YAML value") from None
-    for part in reversed(key):
-        value = {part: value}
-    lines = {key[: i + 1]: 0 for i in range(len(key))}
-    return Layer(f"--set {text}", value, lines)
-
-
-@cache
-def _default(name: str) -> Layer:
-    folder = resources.files("koopman_lab.config") / "defaults"
-    return _parse((folder / f"{name}.yaml").read_text(encoding="utf-8"), f"defaults/{name}.yaml")
-
-
-def _robot_kind(layers: Sequence[Layer]) -> RobotKind | None:
+def _robot_kind(layers: Sequence[Layer]) -> str | None:
     for layer in reversed(layers):
         section = layer.values.get("robot")
         kind = section.get("kind") if isinstance(section, Mapping) else None
-        for known in get_args(RobotKind):
-            if kind == known:
-                return known  # type: ignore[no-any-return]
+        if isinstance(kind, str):
+            return kind
     return None
+
+
+def _known_robot(kind: str, layers: Sequence[Layer]) -> RobotType:
+    try:
+        return robot_type(kind)
+    except ConfigError as error:
+        where = _locate(("robot", "kind"), layers)
+        raise ConfigError(f"{where}: robot.kind: {error}") from None
 
 
 def _locate(key: Key, layers: Sequence[Layer]) -> str:
@@ -235,6 +140,10 @@ def _explain(errors: Sequence[ErrorDetails], layers: Sequence[Layer]) -> str:
     lines = []
     for error in errors:
         key = tuple(str(part) for part in error["loc"] if part != "[key]")
+        misfit = error.get("ctx", {}).get("error")
+        if isinstance(misfit, RobotMisfitError):
+            lines.append(f"{_locate(misfit.key, layers)}: {misfit}")
+            continue
         where, dotted = _locate(key, layers), ".".join(key)
         if error["type"] == "extra_forbidden":
             near = _nearest(key)

@@ -10,23 +10,26 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from koopman_lab.config.robot_fit import require_fit
 from koopman_lab.config.robot_side import Clock, Mocap, MotorLoop, PlannedFault, Plant, Radio
 from koopman_lab.config.values import (
+    Input,
+    InputBounds,
     NotNegative,
     Pair,
     Positive,
     Range,
-    RobotKind,
     Section,
     Triple,
 )
+from koopman_lab.robots.table import robot_type
 
 
 class Robot(Section):
     """The robot as the software believes it to be."""
 
     name: Annotated[str, Field(pattern=r"^[A-Z][A-Z0-9]{0,15}$")]
-    kind: RobotKind
+    kind: str
     wheel_radius_m: Positive
     track_width_m: Positive
 
@@ -53,7 +56,7 @@ class Sampler(Section):
     """The calibration session."""
 
     segments_per_basis: Annotated[int, Field(ge=1)]
-    basis_inputs: Annotated[tuple[Pair, ...], Field(min_length=2, max_length=3)]
+    basis_inputs: Annotated[tuple[Input, ...], Field(min_length=1)]
     draw_set: StateSet
     admissible_set: StateSet
     smallest_steps: Annotated[int, Field(ge=1)]
@@ -69,13 +72,14 @@ class Sampler(Section):
     tracking_timeout_s: Positive
 
     @property
-    def indexed_inputs(self) -> dict[int, Pair]:
+    def indexed_inputs(self) -> dict[int, Input]:
         """The basis inputs by their index in the paper.
 
-        Two inputs are u_1 and u_2 of a driftless robot, whose M_0 is the identity; three begin
-        with u_0.
+        As many as an input has numbers are u_1, u_2, ... of a driftless robot, whose M_0 is the
+        identity; one more, and they begin with u_0.
         """
-        return dict(enumerate(self.basis_inputs, start=3 - len(self.basis_inputs)))
+        m = len(self.basis_inputs[0])
+        return dict(enumerate(self.basis_inputs, start=1 + m - len(self.basis_inputs)))
 
 
 class InfinityShape(Section):
@@ -149,7 +153,7 @@ class Weights(Section):
     """
 
     q: Annotated[tuple[NotNegative, ...], Field(min_length=1)]
-    r: tuple[Positive, Positive]
+    r: InputBounds
 
 
 class OffsetFree(Section):
@@ -179,8 +183,8 @@ class Controller(Section):
     solver: BackEnd
     use_compiler: bool
     offset_free: OffsetFree
-    u_max: tuple[Positive, Positive]
-    speed_max: tuple[Positive, Positive] | None
+    u_max: InputBounds
+    speed_max: InputBounds | None
     weights: dict[CostName, Weights]
     goal_area: Area
     parked_position_m: Pair
@@ -219,20 +223,7 @@ class LabConfig(Section):
 
     @model_validator(mode="after")
     def _fits_the_robot(self) -> LabConfig:
-        kind, states = self.robot.kind, {"kinematic": 3, "dynamic": 5}[self.robot.kind]
-        for cost, weights in self.controller.weights.items():
-            if cost != "ds" and len(weights.q) != states:
-                raise ValueError(
-                    f"controller.weights.{cost}.q has {len(weights.q)} weights, "
-                    f"the {kind} robot has {states} states"
-                )
+        require_fit(self, robot_type(self.robot.kind))
         if self.controller.cost not in self.controller.weights:
             raise ValueError(f"controller.weights lacks the cost {self.controller.cost!r}")
-        if kind == "kinematic" and self.controller.speed_max is not None:
-            raise ValueError(
-                "controller.speed_max is for the dynamic robot; the inputs of the kinematic one "
-                "are its speeds, bounded by controller.u_max"
-            )
-        if kind == "dynamic" and len(self.sampler.basis_inputs) != 3:
-            raise ValueError("sampler.basis_inputs of the dynamic robot must be u_0, u_1, u_2")
         return self

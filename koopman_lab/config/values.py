@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-RobotKind = Literal["kinematic", "dynamic"]
+RobotKind = str
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Pair = tuple[Finite, Finite]
+Input = tuple[Finite, ...]
+"""As many numbers as the robot has inputs."""
+InputBounds = tuple[Positive, ...]
+"""The same, for magnitudes and weights of inputs."""
 
 
 def _ordered(low_high: tuple[float, float]) -> tuple[float, float]:

@@ -42,7 +42,7 @@ class Samples:
     """
 
     basis_index: int
-    u: tuple[float, float]
+    u: tuple[float, ...]
     paths: list[tuple[int, Array]]
     shown_run: int
     velocities: dict[int, Array]

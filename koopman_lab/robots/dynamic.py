@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from importlib import resources
+from math import pi, radians
 from typing import Any
 
 import numpy as np
 
+import lcmtypes
+from koopman_lab.robots.body_drive import BY_ACCELERATIONS
+from koopman_lab.robots.command_message import CommandMessage
 from koopman_lab.robots.robot_type import Array, Components, Quantity, RobotType
 from koopman_lab.robots.rolling import roll
+from koopman_lab.robots.standard_runs import StandardRuns
 
 
 def _components(z: Components, u: Components, dt_s: Any, m: Any) -> Components:
@@ -50,4 +56,18 @@ DYNAMIC = RobotType(
     braking=_braking,
     effort=_effort,
     turn=_turn,
+    command=CommandMessage(
+        "ACCELERATION_CMD",
+        lcmtypes.acceleration_command_t,
+        ("a_m_per_s2", "d_omega_rad_per_s2"),
+    ),
+    drive=BY_ACCELERATIONS,
+    defaults=resources.files("koopman_lab.config") / "defaults" / "dynamic.yaml",
+    runs=StandardRuns(
+        park_start=(-1.1, -0.53, radians(-42.68)),  # section 5.4, the lab
+        simulate_start=(1.0, 0.2, pi / 4.0),  # section 5.4, the simulation
+        simulate_s=20.0,  # section 5.4: after which the paper looks at x2
+        demo_segments=30,  # assumption: minutes instead of the hour that the paper's 100 take
+        bench_segments=15,  # assumption: enough to excite the dictionary
+    ),
 )

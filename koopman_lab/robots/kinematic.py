@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from importlib import resources
+from math import pi
 from typing import Any
 
 import numpy as np
 
+import lcmtypes
+from koopman_lab.robots.body_drive import BY_VELOCITIES
+from koopman_lab.robots.command_message import CommandMessage
 from koopman_lab.robots.robot_type import Array, Components, Quantity, RobotType
 from koopman_lab.robots.rolling import roll
+from koopman_lab.robots.standard_runs import StandardRuns
 
 
 def _components(x: Components, u: Components, dt_s: Any, m: Any) -> Components:
@@ -37,4 +43,18 @@ KINEMATIC = RobotType(
     braking=_standing,
     effort=np.ones,
     turn=_turn,
+    command=CommandMessage(
+        "VELOCITY_CMD", lcmtypes.velocity_command_t, ("v_m_per_s", "omega_rad_per_s")
+    ),
+    drive=BY_VELOCITIES,
+    defaults=resources.files("koopman_lab.config") / "defaults" / "kinematic.yaml",
+    runs=StandardRuns(
+        park_start=(0.0, 0.5, 0.0),  # section 4, the lab
+        simulate_start=(-1.0, -0.5, -pi / 6.0),  # section 4, the simulation
+        simulate_s=10.0,  # section 4: after which the paper looks at x2
+        random_starts=((-1.0, 1.0), (-1.0, 1.0), (-pi, pi)),  # section 4
+        study_dt_s=0.1,  # section 4: sampling time of its simulations
+        demo_segments=5,  # section 4
+        bench_segments=5,
+    ),
 )

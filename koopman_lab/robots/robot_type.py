@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.errors import ConfigError
+from koopman_lab.errors import ConfigError, LabStateError
+from koopman_lab.robots.body_drive import BodyDrive
+from koopman_lab.robots.command_message import CommandMessage
+from koopman_lab.robots.standard_runs import StandardRuns
 
 Array = NDArray[np.float64]
 POSE_NAMES = ("x1", "x2", "theta")
@@ -39,6 +42,17 @@ class Quantity(NamedTuple):
         """Return the name of a column of a table, such as ``omega_rad_per_s``."""
         unit = self.unit.replace("/", "_per_").replace("²", "2")
         return f"{self.name}_{unit}" if unit else self.name
+
+
+class TextFile(Protocol):
+    """A file of a package, as :mod:`importlib.resources` has it, or a path."""
+
+    @property
+    def name(self) -> str:
+        """Return its name without folders."""
+
+    def read_text(self, encoding: str | None = None) -> str:
+        """Return what it holds."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +91,16 @@ class RobotType:
         Maps a yaw rate (rad/s), and a forward speed (m/s) for robots whose state holds one, to what
         stands behind the pose (n - 3,) and the input (m,) in a turn on the spot; None for robots
         that may well move sideways in it, for whom that is no defect of a model.
+    command
+        The message that carries its inputs; None for one that is only simulated.
+    drive
+        How the inputs move the body velocity, for a robot on two driven wheels; None for any
+        other, which our motor loop, sampler and reference driver cannot move.
+    defaults
+        The YAML file with what a lab of it does not say itself. Its section ``presets`` holds
+        what a preset changes for this kind alone. None where a lab says everything.
+    runs
+        What commands do with it that are not told otherwise.
     """
 
     name: str
@@ -90,21 +114,40 @@ class RobotType:
     braking: Callable[[Array, Array, float, int], Array]
     effort: Callable[[int], Array]
     turn: Callable[[float, float], tuple[Array, Array]] | None = None
+    command: CommandMessage | None = None
+    drive: BodyDrive | None = None
+    defaults: TextFile | None = None
+    runs: StandardRuns = field(default_factory=StandardRuns)
 
     def __post_init__(self) -> None:
+        for fault in self._faults():
+            raise ConfigError(f"robot {self.name!r}{fault}")
+
+    def _faults(self) -> Iterator[str]:
+        """Give what is wrong with the description."""
         for what, quantities, most in (
             ("states", self.states, MOST_STATES),
             ("inputs", self.inputs, MOST_INPUTS),
         ):
             if not 1 <= len(quantities) <= most:
-                raise ConfigError(
-                    f"robot {self.name!r} has {len(quantities)} {what}, messages have room for "
-                    f"{most}; describe it with 1 to {most}"
+                yield (
+                    f" has {len(quantities)} {what}, messages have room for {most}; describe it "
+                    f"with 1 to {most}"
                 )
         if self.state_names[:POSE_DIM] != POSE_NAMES:
-            raise ConfigError(
-                f"robot {self.name!r}: the states begin with {', '.join(self.state_names[:3])}, "
-                f"expected the pose {', '.join(POSE_NAMES)}; put it first"
+            yield (
+                f": the states begin with {', '.join(self.state_names[:3])}, expected the pose "
+                f"{', '.join(POSE_NAMES)}; put it first"
+            )
+        if self.command is not None and len(self.command.fields) != self.input_dim:
+            yield (
+                f" has {self.input_dim} inputs, its command message carries "
+                f"{len(self.command.fields)}; name a field for each"
+            )
+        if self.drive is not None and self.input_dim != len(self.drive.limits):
+            yield (
+                f" has {self.input_dim} inputs, a robot on two driven wheels has "
+                f"{len(self.drive.limits)}; leave out its drive"
             )
 
     @property
@@ -133,3 +176,58 @@ class RobotType:
         states = [x[..., i] for i in range(self.state_dim)]
         inputs = [u[..., i] for i in range(self.input_dim)]
         return np.stack(self.components(states, inputs, dt_s, np), axis=-1)
+
+    def state(self, pose: Sequence[float], velocity: Sequence[float] | None = None) -> Array:
+        """Return the state (n,) in a pose (m, m, rad), at rest or with a body velocity.
+
+        A state that holds no velocity takes none.
+        """
+        x = np.zeros(self.state_dim)
+        x[: len(pose)] = pose
+        if velocity is not None and self.speeds_at:
+            x[list(self.speeds_at)] = velocity
+        return x
+
+    @property
+    def basis_counts(self) -> tuple[int, ...]:
+        """Return how many basis inputs can train it: m beside u_0, which no drift makes needless.
+
+        See the paper's section 2.2.
+        """
+        m = self.input_dim
+        return (m + 1,) if self.drifts else (m, m + 1)
+
+    def commanded(self) -> CommandMessage:
+        """Return the message that carries its inputs.
+
+        Raises
+        ------
+        LabStateError
+            If there is none.
+        """
+        if self.command is None:
+            raise LabStateError(
+                f"the {self.name} robot has no command message, so that nobody can drive it; give "
+                "its description one, or simulate it with `klab simulate`"
+            )
+        return self.command
+
+    def on_two_wheels(self, who: str) -> BodyDrive:
+        """Return how its inputs move its body velocity.
+
+        Parameters
+        ----------
+        who
+            Asks for it, in words for a person.
+
+        Raises
+        ------
+        LabStateError
+            If it does not roll on two driven wheels.
+        """
+        if self.drive is None:
+            raise LabStateError(
+                f"{who} moves robots on two driven wheels, the {self.name} robot is none: its "
+                "description has no drive; run a program of its own that takes its commands"
+            )
+        return self.drive

@@ -14,6 +14,8 @@ ROBOTS: Registry[RobotType] = Registry(
         "dynamic": "koopman_lab.robots.dynamic:DYNAMIC",
     },
 )
+DEFAULT_ROBOT = "kinematic"
+"""Of a lab that says none."""
 
 
 def robot_type(name: str) -> RobotType:

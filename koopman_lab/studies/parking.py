@@ -7,7 +7,6 @@ number, so that all controllers meet the same starts, in whatever order and proc
 from __future__ import annotations
 
 import hashlib
-import math
 import tempfile
 import threading
 import time
@@ -23,12 +22,12 @@ from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction, PredictionModel
 from koopman_lab.mpc.receding_horizon import solver_of
 from koopman_lab.mpc.solver import Plan, Solver
+from koopman_lab.robots.standard_runs import Box
+from koopman_lab.robots.table import robot_type
 from koopman_lab.studies.closed_loop import closed_loop
 
 Way = Literal["nominal", "reprojected", "lifted"]
 
-KINEMATIC_STARTS = ((-1.0, 1.0), (-1.0, 1.0), (-math.pi, math.pi))
-"""Section 4 of the paper; those of the second-order robot are X0 (section 5.1)."""
 CONTROLLERS: tuple[tuple[CostName, Way], ...] = (
     *(("me", "reprojected"), ("me", "lifted"), ("ce", "reprojected"), ("ce", "lifted")),
     *(("ds", "reprojected"), ("ds", "lifted"), ("me", "nominal")),
@@ -80,15 +79,19 @@ def cases(config: LabConfig, model: bytes, duration_s: float) -> list[Case]:
     ]
 
 
+def start_ranges(config: LabConfig) -> Box:
+    """Return the ranges of random starts: those of the robot's kind, or X0 (section 5.1)."""
+    drawn = config.sampler.draw_set
+    box = robot_type(config.robot.kind).runs.random_starts
+    return box or (drawn.x1_m, drawn.x2_m, drawn.theta_rad)
+
+
 def start(config: LabConfig, index: int) -> NDArray[np.float64]:
     """Return the state (n,) that run ``index`` begins in: a random pose, at rest."""
-    drawn = config.sampler.draw_set
-    dynamic = config.robot.kind == "dynamic"
-    ranges = (drawn.x1_m, drawn.x2_m, drawn.theta_rad) if dynamic else KINEMATIC_STARTS
-    low, high = np.array(ranges).T
+    low, high = np.array(start_ranges(config)).T
     # The child that `spawn` of the seed would give as number `index`.
     rng = np.random.default_rng(np.random.SeedSequence(config.seed, spawn_key=(index,)))
-    return np.concatenate([rng.uniform(low, high), np.zeros(2 if dynamic else 0)])
+    return robot_type(config.robot.kind).state(rng.uniform(low, high))
 
 
 def run(case: Case, index: int) -> dict[str, Any]:

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from koopman_lab.robots.dynamic import DYNAMIC
+from koopman_lab.robots.kinematic import KINEMATIC
 from offboard.bench.dataset import dataset
 from offboard.bench.edmd import edmd
 from offboard.bench.lockstep import lockstep
@@ -57,7 +59,7 @@ def realtime(
     from offboard.lab.session import keeping_the_log
 
     wanted = [f"sampler.segments_per_basis={MORE_THAN_ENOUGH}", *(overrides or ())]
-    lab = options.resolve(config, wanted, options.kind_of(robot), preset, url=url)
+    lab = options.resolve(config, wanted, robot, preset, url=url)
     listener = options.listen(lab)
     run = new_folder(folder, "realtime", lab)
     seconds, stolen_before_s = 60.0 * minutes, stolen_s()
@@ -102,7 +104,7 @@ def logger(
         f"mocap.rate_hz={camera_rate_hz}",
         *(overrides or ()),
     ]
-    lab = options.resolve(config, wanted, options.kind_of(robot), url=url)
+    lab = options.resolve(config, wanted, robot, url=url)
     listener = options.listen(lab)
     run, seconds = new_folder(folder, "logger", lab), 60.0 * minutes
     with keeping_the_log(run), progress("recording", "s") as report:
@@ -132,8 +134,8 @@ def motor(
     """
     from offboard.bench.motor import as_table, figures_of_merit, responses
 
-    kinematic = options.resolve(config, overrides, "kinematic", preset)
-    dynamic = options.resolve(config, overrides, "dynamic", preset)
+    kinematic = options.resolve(config, overrides, KINEMATIC.name, preset)
+    dynamic = options.resolve(config, overrides, DYNAMIC.name, preset)
     found = responses(kinematic, dynamic)
     merit = figures_of_merit(found)
     if figure is not None:
@@ -167,7 +169,7 @@ def faults(
 
     from offboard.bench.faults.table import as_table, suffer_all
 
-    lab = options.resolve(config, overrides, options.kind_of(robot), preset)
+    lab = options.resolve(config, overrides, robot, preset)
     with progress("trying", "faults") as report:
         rows = suffer_all(lab, only, report)
     if as_json:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from koopman_lab.robots.dynamic import DYNAMIC
 from offboard.terminal import options
 from offboard.terminal.output import err, out, progress
 
@@ -111,7 +112,7 @@ def _session(session: Path | None) -> Iterator[Path]:
     from offboard.lab.run_folder import new_folder
 
     with tempfile.TemporaryDirectory(prefix="koopman-lab-") as place:
-        lab = options.resolve(None, None, "dynamic")
+        lab = options.resolve(None, None, DYNAMIC.name)
         folder = new_folder(Path(place) / "session", "bench", lab)
         calibrate(lab, folder, None)
         err.print("recorded a session of the dynamic robot")

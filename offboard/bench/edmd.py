@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from koopman_lab.errors import LabStateError
+from koopman_lab.robots.dynamic import DYNAMIC
 from offboard.bench.dataset import PAPER_PAIRS
 from offboard.lab.python_process import command
 from offboard.terminal import options
@@ -90,7 +91,7 @@ def measure(way: str, pairs: int, repetitions: int) -> dict[str, Any]:
 
     if way == "stream":
         return _stream(pairs)
-    own = dictionary(DICTIONARY, "dynamic")
+    own = dictionary(DICTIONARY, DYNAMIC.name)
     X, Y = _pairs(pairs, 0)
     psi_x, psi_y = own.lift(X), own.lift(Y)
     ways: dict[str, Callable[[], Any]] = {
@@ -129,7 +130,7 @@ def _stream(pairs: int) -> dict[str, Any]:
     from koopman_lab.koopman.fit import fit_moments
     from koopman_lab.koopman.moments import Moments
 
-    own = dictionary(DICTIONARY, "dynamic")
+    own = dictionary(DICTIONARY, DYNAMIC.name)
     moments = Moments(own.size)
     began, fitting, early = time.perf_counter(), 0.0, 0
     for number, start in enumerate(range(0, pairs, BATCH)):
@@ -157,11 +158,9 @@ def _pairs(count: int, seed: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return random states (d, 5) of the second-order robot and their successors."""
     import numpy as np
 
-    from koopman_lab.robots.nominal_model import nominal_model
-
     rng = np.random.default_rng(seed)
     X = rng.uniform([0.0, -0.75, -np.pi, 0.0, -1.0], [1.5, 0.75, np.pi, 0.4, 1.0], (count, 5))
-    Y = nominal_model("dynamic").step(X, np.broadcast_to([0.2, 0.5], (count, 2)), 0.05)
+    Y = DYNAMIC.step(X, np.broadcast_to([0.2, 0.5], (count, 2)), 0.05)
     return X, Y + 1e-4 * rng.normal(size=Y.shape)
 
 

@@ -44,7 +44,7 @@ def lockstep(
 
     Example: klab bench lockstep --robot dynamic --seconds 60
     """
-    lab_config = options.resolve(config, overrides, options.kind_of(robot), preset)
+    lab_config = options.resolve(config, overrides, robot, preset)
     lab, slalom = _lab(lab_config)
     factors = _factors(lab, seconds)
     shares = _shares(_lab(lab_config)[0], min(seconds, 20.0))

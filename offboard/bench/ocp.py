@@ -19,21 +19,18 @@ from numpy.typing import NDArray
 
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.config.values import RobotKind
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.mpc.costs import StageCost, stage_cost
 from koopman_lab.mpc.prediction import KoopmanPrediction, LiftedPrediction, PredictionModel
 from koopman_lab.mpc.receding_horizon import RecedingHorizon, solver_of
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, Solver
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.table import ROBOTS, robot_type
 from offboard.bench.ocp_solvers import Candidate, Task, makers, own_solver
 from offboard.terminal import options
 
 Array = NDArray[np.float64]
 
-STARTS = {"kinematic": (-1.0, -0.5, -np.pi / 6.0), "dynamic": (1.0, 0.2, np.pi / 4.0, 0.0, 0.0)}
-"""The paper's simulations, sections 4 and 5.4."""
 NOTICEABLE = 1e-6
 """A plan that costs this share more than another counts as worse."""
 WARM_UP = 5
@@ -42,11 +39,6 @@ WAYS = ("reprojected", "lifted")
 QUICK = 30
 POLISHING = 500
 """Iterations, to tell a local minimum from an early stop."""
-SESSIONS: dict[RobotKind, list[str]] = {
-    "kinematic": [],
-    "dynamic": ["sampler.segments_per_basis=15"],
-}
-"""How models are had when none is named."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +48,7 @@ class Row:
     Attributes
     ----------
     problem, model, solver
-        kinematic or dynamic; reprojected or lifted; ours, ipopt or do-mpc.
+        kind of robot; reprojected or lifted; ours, ipopt or do-mpc.
     states
         Number of problems in the sequence.
     build_s
@@ -109,9 +101,12 @@ def trained(files: Sequence[Path] | None) -> Iterator[list[BilinearModel]]:
 
     models = []
     with tempfile.TemporaryDirectory(prefix="koopman-lab-") as place:
-        for kind, overrides in SESSIONS.items():
-            lab = options.resolve(None, overrides, kind)
-            folder = new_folder(Path(place) / kind, "bench", lab)
+        for robot in ROBOTS:
+            if robot.drive is None:
+                continue  # nothing here could record its session
+            segments = f"sampler.segments_per_basis={robot.runs.bench_segments}"
+            lab = options.resolve(None, [segments], robot.name)
+            folder = new_folder(Path(place) / robot.name, "bench", lab)
             calibrate(lab, folder, None)
             data = DataSet.from_log(SessionLog(folder.log))
             models.append(train(data, lab.model.dictionary)[0])
@@ -143,7 +138,8 @@ def record(config: LabConfig, model: PredictionModel, count: int) -> list[Task]:
     solver, settings = solver_of(model, config), config.controller
     recorder = _Recorder(solver)
     optimiser = RecedingHorizon(recorder, solver.rollout, settings.u_max, settings.dt_s)
-    robot, x = nominal_model(config.robot.kind), np.array(STARTS[config.robot.kind])
+    robot = robot_type(config.robot.kind)
+    x = robot.state(robot.runs.simulate_start)
     tasks = []
     for _ in range(count):
         recorder.asked.clear()

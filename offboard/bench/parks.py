@@ -113,13 +113,9 @@ def parks(
 
 def starts(config: LabConfig, count: int) -> list[Pose]:
     """Return random poses at rest, the same for the same seed."""
-    from koopman_lab.studies.parking import KINEMATIC_STARTS
+    from koopman_lab.studies.parking import start_ranges
 
-    drawn = config.sampler.draw_set
-    ranges = KINEMATIC_STARTS
-    if config.robot.kind == "dynamic":
-        ranges = (drawn.x1_m, drawn.x2_m, drawn.theta_rad)
-    low, high = np.array(ranges).T
+    low, high = np.array(start_ranges(config)).T
     rng = np.random.default_rng([config.seed, count])
     return [Pose(*row) for row in rng.uniform(low, high, (count, 3)).tolist()]
 

@@ -9,7 +9,9 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import REST, Velocity
+from koopman_lab.robots.table import robot_type
 from offboard.desk.commander import Commands
+from offboard.sampler.profile import slew
 
 LARGEST_A = 1.0
 """Of the weave, m/s^2."""
@@ -22,6 +24,7 @@ class Slalom:
 
     def __init__(self, config: LabConfig) -> None:
         self._config = config
+        self._drive = robot_type(config.robot.kind).on_two_wheels("the slalom")
         self._velocity = REST
         self.driving = False
         """Whether the motor loop last said that it drives."""
@@ -42,12 +45,8 @@ class Slalom:
 
     def _on_tick(self, tick_us: int) -> None:
         seconds = tick_us * 1e-6
-        wanted = Velocity(0.2 + 0.1 * math.sin(seconds), 0.8 * math.sin(0.7 * seconds))
-        if self._config.robot.kind == "dynamic":
-            dt_s, (v, omega) = self._config.controller.dt_s, self._velocity
-            # From rest to the weave takes longer than one interval.
-            a = max(-LARGEST_A, min(LARGEST_A, (wanted.v - v) / dt_s))
-            self._velocity = Velocity(v + a * dt_s, wanted.omega)
-            self._commands.send((a, (wanted.omega - omega) / dt_s), tick_us)
-        else:
-            self._commands.send(wanted, tick_us)
+        weave = Velocity(0.2 + 0.1 * math.sin(seconds), 0.8 * math.sin(0.7 * seconds))
+        dt_s, before = self._config.controller.dt_s, self._velocity
+        # From rest to the weave takes longer than one interval.
+        self._velocity = Velocity(slew(before.v, weave.v, LARGEST_A * dt_s), weave.omega)
+        self._commands.send(self._drive.towards(before, self._velocity, dt_s), tick_us)

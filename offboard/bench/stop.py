@@ -89,7 +89,7 @@ def stop(
     from offboard.lab.run_folder import new_folder
     from offboard.lab.session import keeping_the_log
 
-    kind = options.kind_of(robot)
+    kind = robot
     if model is not None:
         from koopman_lab.koopman.bilinear_model import BilinearModel
 

@@ -49,7 +49,7 @@ def view(
     from offboard.lab.session import keeping_the_log
 
     wanted = [f"sampler.segments_per_basis={MORE_THAN_ENOUGH}", *NO_RADIO_LOSS, *(overrides or ())]
-    lab = options.resolve(config, wanted, options.kind_of(robot), url=url)
+    lab = options.resolve(config, wanted, robot, url=url)
     listener = options.listen(lab)
     run, seconds = new_folder(folder, "view", lab), 60.0 * minutes
     with keeping_the_log(run), progress("showing", "s") as report:

@@ -62,9 +62,7 @@ def node_command(make: Callable[[Any], Any]) -> Callable[..., None]:
     ) -> None:
         from koopman_lab.bus.realtime import run_node
 
-        lab = options.resolve(
-            config, overrides, options.kind_of(robot), preset, url=url, robot_name=robot_name
-        )
+        lab = options.resolve(config, overrides, robot, preset, url=url, robot_name=robot_name)
         run_node(make(lab), lab, lifeline_fd=lifeline_fd)
 
     return run

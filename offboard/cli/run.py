@@ -61,9 +61,7 @@ def plant(
     """
     from koopman_lab.bus.realtime import run_node
 
-    lab = options.resolve(
-        config, overrides, options.kind_of(robot), preset, seed, url, robot_name=robot_name
-    )
+    lab = options.resolve(config, overrides, robot, preset, seed, url, robot_name=robot_name)
     run_node(build("plant", lab), lab, lifeline_fd=lifeline_fd)
 
 
@@ -84,9 +82,7 @@ def onboard(
     """
     from koopman_lab.emulation.board import emulated_board
 
-    lab = options.resolve(
-        config, overrides, options.kind_of(robot), preset, url=url, robot_name=robot_name
-    )
+    lab = options.resolve(config, overrides, robot, preset, url=url, robot_name=robot_name)
     _run_timed(build("onboard", lab), lab, tick_times, lifeline_fd, emulated_board(lab))
 
 
@@ -155,7 +151,7 @@ def logger(
     from offboard.lab import nodes
     from offboard.lab.run_folder import RunFolder, new_folder
 
-    lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
+    lab = options.resolve(config, overrides, robot, url=url, robot_name=robot_name)
     if into is None and out is not None and resume:
         into = out
     folder = RunFolder(into) if into is not None else new_folder(out, "log", lab)
@@ -185,9 +181,7 @@ def sampler(
     from offboard.lab.run_folder import RunFolder
     from offboard.lab.session import run_process
 
-    lab = options.resolve(
-        config, overrides, options.kind_of(robot), seed=seed, url=url, robot_name=robot_name
-    )
+    lab = options.resolve(config, overrides, robot, seed=seed, url=url, robot_name=robot_name)
     session = Calibration(RunFolder(resume) if resume is not None else None)
     run_process(session, lab, result, lifeline_fd)
 
@@ -211,7 +205,7 @@ def reference(
     from offboard.lab.session import run_process
     from offboard.reference.shapes import Shape
 
-    lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
+    lab = options.resolve(config, overrides, robot, url=url, robot_name=robot_name)
     run_process(ReferenceRuns(Shape[shape.value.upper()]), lab, result, lifeline_fd)
 
 
@@ -235,7 +229,7 @@ def controller(
     from offboard.lab.parking import Parking
     from offboard.lab.session import run_process
 
-    lab = options.resolve(config, overrides, options.kind_of(robot), url=url, robot_name=robot_name)
+    lab = options.resolve(config, overrides, robot, url=url, robot_name=robot_name)
     run_process(Parking(model, options.pose_of(goal)), lab, result, lifeline_fd)
 
 

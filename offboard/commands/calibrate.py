@@ -63,8 +63,7 @@ def calibrate(
         changes = list(overrides or ())
         if segments is not None:
             changes.append(f"sampler.segments_per_basis={segments}")
-        kind = options.kind_of(robot)
-        lab = options.resolve(config, changes, kind, preset, seed, url, robot_name=robot_name)
+        lab = options.resolve(config, changes, robot, preset, seed, url, robot_name=robot_name)
         listener = session_listener(lab, lockstep=lockstep)
         folder = new_folder(out, "calibration", lab)
     summary = calibration.calibrate(lab, folder, listener, session)

@@ -9,6 +9,7 @@ import typer
 
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.robots.table import robot_type
 from offboard.commands.park import show
 from offboard.desk.results import ParkSummary
 from offboard.lab.run_folder import RunFolder, new_folder
@@ -79,7 +80,7 @@ def compare(
     loaded.require_robot(lab.robot.kind)
     names = [choice.value for choice in controller or Contestant]
     labs = {name: changed(lab, "controller", **CHANGES[name]) for name in names}
-    begin = options.pose_of(start if start is not None else parking.STARTS[lab.robot.kind])
+    begin = options.start_of(start, robot_type(lab.robot.kind).runs.park_start)
     sessions = {
         name: parking.Parking(model, start=begin, prediction=prediction_of(loaded, each.controller))
         for name, each in labs.items()

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from koopman_lab.robots.table import robot_type
 from offboard.commands.calibrate import show as show_session
 from offboard.commands.data.train import learn
 from offboard.commands.park import show as show_park
@@ -17,8 +18,6 @@ from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out
 
-SEGMENTS = {"kinematic": 5, "dynamic": 30}
-"""Per basis input: the paper's number, and a number that takes minutes instead of an hour."""
 SECONDS_PER_SEGMENT = 11.5
 """Measured: klab calibrate --lockstep, either robot."""
 LARGEST = (0.030, 0.010, math.radians(5.0))
@@ -48,14 +47,14 @@ def demo(
     Example: klab demo --robot dynamic --lockstep --out runs/demo
     """
     from offboard.lab.calibration import calibrate
-    from offboard.lab.parking import STARTS, Parking, park
+    from offboard.lab.parking import Parking, park
     from offboard.lab.session_watch import session_listener
 
-    kind = options.kind_of(robot)
-    lab = options.resolve(config, overrides, kind, preset, seed, url, robot_name)
-    count = segments if segments is not None else SEGMENTS[lab.robot.kind]
+    lab = options.resolve(config, overrides, robot, preset, seed, url, robot_name)
+    standard = robot_type(lab.robot.kind).runs
+    count = segments if segments is not None else standard.demo_segments
     changes = [*(overrides or ()), f"sampler.segments_per_basis={count}"]
-    lab = options.resolve(config, changes, kind, preset, seed, url, robot_name)
+    lab = options.resolve(config, changes, robot, preset, seed, url, robot_name)
     listener = session_listener(lab, lockstep=lockstep)
     top = new_folder(directory, "demo", lab)
     runs = count * len(lab.sampler.basis_inputs)
@@ -67,7 +66,7 @@ def demo(
     show_session(session, calibration)
     model = learn([session.path], top.path / "model.npz")
     run = new_folder(top.path / "park", "park", lab)
-    start = options.pose_of(STARTS[lab.robot.kind])
+    start = options.start_of(None, standard.park_start)
     result = park(lab, run, listener, Parking(model, start=start))
     show_park(run, result)
     passed = _verdict(result)

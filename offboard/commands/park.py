@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from koopman_lab.robots.table import robot_type
 from offboard.desk.results import ParkSummary
 from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
@@ -48,12 +49,12 @@ def park(
     changes = list(overrides or ())
     if cost is not None:
         changes.append(f"controller.cost={cost}")
-    kind = options.kind_of(robot)
+    kind = robot
     if kind is None and config is None:
         kind = loaded.robot_kind
     lab = options.resolve(config, changes, kind, preset, seed, url, robot_name=robot_name)
     loaded.require_robot(lab.robot.kind)
-    begin = options.pose_of(start if start is not None else parking.STARTS[lab.robot.kind])
+    begin = options.start_of(start, robot_type(lab.robot.kind).runs.park_start)
     predicts = prediction_of(loaded, lab.controller)
     session = parking.Parking(model, options.pose_of(goal), begin, predicts)
     session.require_possible(lab)

@@ -41,8 +41,7 @@ def reference(
     changes = list(overrides or ())
     if runs is not None:
         changes.append(f"reference.runs={runs}")
-    kind = options.kind_of(robot)
-    lab = options.resolve(config, changes, kind, preset, seed, url, robot_name=robot_name)
+    lab = options.resolve(config, changes, robot, preset, seed, url, robot_name=robot_name)
     chosen = Shape[shape.value.upper()]
     # Made once for what it refuses, before anything is started or written.
     input_sequence(lab, chosen)

@@ -12,6 +12,7 @@ import typer
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ModelError
+from koopman_lab.robots.table import robot_type
 from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
 from offboard.terminal.needs import needs
@@ -20,11 +21,6 @@ from offboard.terminal.output import err, out, progress
 if TYPE_CHECKING:
     from koopman_lab.mpc.prediction import PredictionModel
     from koopman_lab.studies.closed_loop import Run
-
-STARTS = {"kinematic": (-1.0, -0.5, -30.0), "dynamic": (1.0, 0.2, 45.0)}
-"""m, m, degrees: the paper's simulations, sections 4 and 5.4."""
-DURATIONS_S = {"kinematic": 10.0, "dynamic": 20.0}
-"""After which the paper looks at x2."""
 
 
 class CostChoice(str, Enum):
@@ -76,13 +72,11 @@ def simulate(
 
     Example: klab simulate --model runs/model.npz --start 0 0.5 0 --cost me --cost ce --cost ds
     """
-    import numpy as np
-
     from koopman_lab.koopman.bilinear_model import BilinearModel
     from koopman_lab.studies.closed_loop import closed_loop
 
     loaded = None if model is None else BilinearModel.load(model)
-    kind, wanted = options.kind_of(robot), list(overrides or ())
+    kind, wanted = robot, list(overrides or ())
     if loaded is not None:
         kind = kind or (loaded.robot_kind if config is None else None)
         wanted.insert(0, f"controller.dt_s={loaded.dt_s}")
@@ -90,10 +84,9 @@ def simulate(
     ways = [way.value for way in predict or ()] or ["nominal" if loaded is None else "reprojected"]
     lab = options.resolve(config, wanted, kind)
     costs = costs or [lab.controller.cost]
-    typed = start if start is not None else STARTS[lab.robot.kind]
-    seconds = duration_s if duration_s is not None else DURATIONS_S[lab.robot.kind]
-    rest = [0.0] * (2 if lab.robot.kind == "dynamic" else 0)
-    x0 = np.array([*options.pose_of(typed), *rest])
+    description = robot_type(lab.robot.kind)
+    x0 = description.state(options.start_of(start, description.runs.simulate_start))
+    seconds = duration_s if duration_s is not None else description.runs.simulate_s
     controllers = [(c, way) for c in costs for way in ways]
     labs = [
         changed(lab, "controller", cost=c, reprojection=way != "lifted") for c, way in controllers

@@ -51,7 +51,7 @@ def topics(
 
     Example: klab topics --echo R1_MOCAP_POSE --once
     """
-    lab = options.resolve(config, overrides, options.kind_of(robot), url=url)
+    lab = options.resolve(config, overrides, robot, url=url)
     listener = options.listen(lab)
     try:
         if echo is not None:

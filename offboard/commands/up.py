@@ -65,9 +65,7 @@ def up(
     from offboard.lab.lab_lock import lab_lock
     from offboard.lab.supervisor import present, start_missing, supervised
 
-    lab_config = options.resolve(
-        config, overrides, options.kind_of(robot), preset, seed, url, robot_name=robot_name
-    )
+    lab_config = options.resolve(config, overrides, robot, preset, seed, url, robot_name=robot_name)
     # Before anything is started: a package that does not fit is one message.
     for name in more or ():
         missing = set(PROCESSES.get(name).needs) - {*STANDING, *(more or ())}

@@ -53,7 +53,7 @@ def view(
 
     Example: klab view --port 8765
     """
-    lab = options.resolve(config, overrides, options.kind_of(robot), url=url)
+    lab = options.resolve(config, overrides, robot, url=url)
     serve(lab, listen(host, port), token_for(host))
     raise typer.Exit(INTERRUPTED)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose, relative_to, wrap_angle
 from koopman_lab.mpc.receding_horizon import Decision, RecedingHorizon
+from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds
 from offboard.desk.goal_message import require_reachable
@@ -74,7 +75,7 @@ class Outputs:
         Whether to hold the robot by commands. Otherwise it is given up, and the motor loop brings
         it to rest: for that it needs neither cameras nor this process.
     u
-        Input for the next sampling interval: m/s, rad/s or m/s^2, rad/s^2.
+        Input (m,) for the next sampling interval, as the robot's kind has it.
     state_in_goal_frame
         (5,) when the command acts: m, m, rad, m/s, rad/s; the speeds are zero for the kinematic
         robot.
@@ -92,7 +93,7 @@ class Outputs:
 
     state: State
     holds: bool
-    u: tuple[float, float]
+    u: tuple[float, ...]
     state_in_goal_frame: NDArray[np.float64]
     pose_utime: int | None
     value: float = 0.0
@@ -133,7 +134,9 @@ class Controller:
         self.pauses: list[Pause] = []
         """Those that have ended."""
         self._settings = config.controller
-        self._accelerates = config.robot.kind == "dynamic"
+        robot = robot_type(config.robot.kind)
+        self._speeds_at = robot.speeds_at
+        self._no_input = np.zeros(robot.input_dim)
         self.optimiser = optimiser
         """What finds the inputs."""
         self._estimator = StateEstimator(config, goal, optimiser.advance)
@@ -162,7 +165,7 @@ class Controller:
                     return self._driving(x, decision)
                 failures = f"solver failed {decision.failures_in_a_row} times in a row"
                 self._end(State.FAILED, failures, now_us)
-        self._estimator.apply(np.zeros(2), acts_us)
+        self._estimator.apply(self._no_input, acts_us)
         return self._standing(x, now_us)
 
     def move_goal(self, goal: Pose, now_us: int) -> None:
@@ -257,7 +260,7 @@ class Controller:
             abs(x[0]) <= largest_x1
             and abs(x[1]) <= largest_x2
             and abs(wrap_angle(float(x[2]))) <= self._settings.parked_angle_rad
-            and (not self._accelerates or _at_rest(x[3], x[4]))
+            and (not self._speeds_at or _at_rest(*x[list(self._speeds_at)]))
         )
 
     def _end(self, state: State, reason: str, now_us: int) -> None:
@@ -270,7 +273,7 @@ class Controller:
         c, s = math.cos(self.goal.theta), math.sin(self.goal.theta)
         turn = np.array([[c, -s], [s, c]])
         return replace(
-            self._report(x, (float(decision.u[0]), float(decision.u[1]))),
+            self._report(x, decision.u),
             value=plan.value,
             stage_cost=self.optimiser.stage_cost(x, decision.u),
             iterations=decision.iterations,
@@ -279,7 +282,7 @@ class Controller:
         )
 
     def _standing(self, x: NDArray[np.float64] | None, now_us: int) -> Outputs:
-        outputs = self._report(x, (0.0, 0.0))
+        outputs = self._report(x, self._no_input)
         if self.state in (State.WAIT, State.PAUSED):
             return outputs
         wheels = self._estimator.wheels
@@ -290,14 +293,14 @@ class Controller:
         late = now_us - self._ended_us >= round(STOP_LIMIT_S * US_PER_S)
         return replace(outputs, finished=stopped or blind or late)
 
-    def _report(self, x: NDArray[np.float64] | None, u: tuple[float, float]) -> Outputs:
+    def _report(self, x: NDArray[np.float64] | None, u: NDArray[np.float64]) -> Outputs:
         state_in_goal_frame = np.zeros(5)
         if x is not None:
             state_in_goal_frame[: len(x)] = x
         frame = self._estimator.frame
         pose_utime = None if frame is None else frame.utime
         holds = self.state in (State.WAIT, State.DRIVING)
-        return Outputs(self.state, holds, u, state_in_goal_frame, pose_utime)
+        return Outputs(self.state, holds, tuple(u.tolist()), state_in_goal_frame, pose_utime)
 
 
 def _at_rest(v: float, omega: float) -> bool:

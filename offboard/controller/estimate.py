@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose, Velocity, relative_to, wrap_angle
+from koopman_lab.robots.body_drive import BodyDrive, Speeds
+from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 from offboard.controller.inputs import InputHistory
 
@@ -46,8 +48,8 @@ def oldest_wheels_s(config: LabConfig) -> float:
 class StateEstimator:
     """Carries the newest measurement on to the time at which the next command acts.
 
-    The kinematic robot's state is the pose. The second-order robot's velocities are those of the
-    wheels (paper, section 5.4). From the time of each measurement on, the commanded inputs carry
+    Where the state holds velocities, they are those of the wheels (paper, section 5.4); otherwise
+    it is the pose alone. From the time of each measurement on, the commanded inputs carry
     the state forward: the velocities by themselves, the pose by the prediction model. That makes
     up for the delay of the loop, and bridges a loss of tracking. The angle is continued from frame
     to frame: it starts in (-pi, pi] and makes no jump of 2 pi.
@@ -60,6 +62,11 @@ class StateEstimator:
         Origin of the state, in the inertial frame.
     advance
         The prediction model.
+
+    Raises
+    ------
+    LabStateError
+        If the state holds velocities that no two wheels tell.
     """
 
     def __init__(self, config: LabConfig, goal: Pose, advance: Advance) -> None:
@@ -73,11 +80,12 @@ class StateEstimator:
         self._goal = goal
         self._advance = advance
         self._dt_s = config.controller.dt_s
-        self._uses_wheels = config.robot.kind == "dynamic"
+        self._robot = robot_type(config.robot.kind)
+        self._drive = self._robot.on_two_wheels("wheel odometry") if self._robot.speeds_at else None
         self._oldest_wheels_us = oldest_wheels_s(config) * US_PER_S
         self._theta: float | None = None
         self._measured: NDArray[np.float64] | None = None
-        self._inputs = InputHistory()
+        self._inputs = InputHistory(self._robot.input_dim)
 
     def update(self, frames: Iterable[Frame], wheels: WheelSpeeds | None, now_us: int) -> None:
         """Take what has arrived since the last step; frames in order of arrival."""
@@ -93,7 +101,7 @@ class StateEstimator:
             self._measure(new, now_us)
 
     def state(self, at_us: int) -> NDArray[np.float64] | None:
-        """Return the state (3,) or (5,) at a time (us), or None before the first measurement."""
+        """Return the state (n,) at a time (us), or None before the first measurement."""
         if self._measured is None or self.measured_us is None:
             return None
         x = self._measured
@@ -114,11 +122,11 @@ class StateEstimator:
 
     def is_complete(self, now_us: int) -> bool:
         """Return whether there is a state, and what it needs of the wheels still comes."""
-        wheels_come = not self._uses_wheels or self.knows_speed(now_us)
+        wheels_come = self._drive is None or self.knows_speed(now_us)
         return self._measured is not None and wheels_come
 
     def apply(self, u: NDArray[np.float64], from_us: int) -> None:
-        """Note the input (2,) that acts from a time (us) until that of the next one."""
+        """Note the input (m,) that acts from a time (us) until that of the next one."""
         self._inputs.add(from_us, u)
 
     def _measure(self, frame: Frame, now_us: int) -> None:
@@ -127,17 +135,17 @@ class StateEstimator:
         if self._theta is not None:
             theta = self._theta + wrap_angle(pose.theta - self._theta)
         self._theta = theta
-        state = [pose.x1, pose.x2, theta]
-        if self._uses_wheels:
+        velocity = None
+        if self._drive is not None:
             if self.wheels is None or not self.knows_speed(now_us):
                 return
-            state += self._velocity_at(frame.utime, self.wheels).tolist()
-        self._measured = np.array(state)
+            velocity = self._velocity_at(frame.utime, self.wheels, self._drive)
+        self._measured = self._robot.state((pose.x1, pose.x2, theta), velocity)
         self.measured_us = frame.utime
         self.is_measured = True
 
-    def _velocity_at(self, at_us: int, wheels: WheelSpeeds) -> NDArray[np.float64]:
-        velocity = np.array(wheels.velocity)
-        for duration_s, acceleration in self._inputs.between(wheels.utime, at_us, self._dt_s):
-            velocity = velocity + duration_s * acceleration
+    def _velocity_at(self, at_us: int, wheels: WheelSpeeds, drive: BodyDrive) -> Speeds:
+        velocity: Speeds = wheels.velocity
+        for duration_s, u in self._inputs.between(wheels.utime, at_us, self._dt_s):
+            velocity = drive.after(velocity, (float(u[0]), float(u[1])), duration_s)
         return velocity

@@ -18,14 +18,20 @@ class InputHistory:
     """Commanded inputs, each acting from its time until that of the next one.
 
     Before the first one nothing acts.
+
+    Parameters
+    ----------
+    input_dim
+        Number m of inputs.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, input_dim: int) -> None:
+        self._none = np.zeros(input_dim)
         self._times: deque[int] = deque()
         self._inputs: deque[NDArray[np.float64]] = deque()
 
     def add(self, from_us: int, u: NDArray[np.float64]) -> None:
-        """Note that ``u`` (2,) acts from a time on (us), no earlier than those before."""
+        """Note that ``u`` (m,) acts from a time on (us), no earlier than those before."""
         while self._times and self._times[-1] >= from_us:
             self._times.pop()
             self._inputs.pop()
@@ -41,7 +47,7 @@ class InputHistory:
     ) -> Iterator[tuple[float, NDArray[np.float64]]]:
         """Yield durations (s), none over ``longest_s``, and the inputs that act in them."""
         longest_us = round(longest_s * US_PER_S)
-        times, inputs = [start_us, *self._times], [np.zeros(2), *self._inputs]
+        times, inputs = [start_us, *self._times], [self._none, *self._inputs]
         for k, u in enumerate(inputs):
             begin_us = max(start_us, times[k])
             stop_us = min(end_us, times[k + 1]) if k + 1 < len(times) else end_us

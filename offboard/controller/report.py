@@ -15,12 +15,12 @@ class TrajectoryPoint(NamedTuple):
     """One step of the drive.
 
     ``utime`` in us; ``state`` relative to the goal in m, m, rad, m/s, rad/s (speeds zero for the
-    kinematic robot); ``u`` in m/s, rad/s or m/s^2, rad/s^2; ``value`` is the cost of the plan.
+    kinematic robot); ``u`` as the robot's kind has it; ``value`` is the cost of the plan.
     """
 
     utime: int
     state: tuple[float, ...]
-    u: tuple[float, float]
+    u: tuple[float, ...]
     value: float
 
 

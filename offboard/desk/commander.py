@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.metadata import version
 
 import lcmtypes
@@ -10,6 +11,7 @@ from koopman_lab.bus.commanders import commander_name, commander_number
 from koopman_lab.bus.node import Port
 from koopman_lab.config.load import dump_config
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 from offboard.desk.interlock import Interlock
 from offboard.desk.time_server import TimeServer
@@ -88,7 +90,7 @@ def _young(message: channels.M | None, now_us: int, timeout_s: float) -> channel
 
 
 class Commands:
-    """Sends inputs as the message the robot's kind is driven with.
+    """Sends inputs as the message that the robot's kind is commanded by.
 
     As long as the motor loop does not say that this commander holds the robot, each command
     offers to begin a sequence; that also takes the robot again after its watchdog has stopped it.
@@ -102,6 +104,13 @@ class Commands:
         Of the node.
     node
         Its name; its row in the table of processes has a role.
+
+    Raises
+    ------
+    LabStateError
+        If the kind has no such message.
+    PluginError
+        If its channel carries another one.
     """
 
     def __init__(self, port: Port, config: LabConfig, node: str) -> None:
@@ -109,12 +118,15 @@ class Commands:
         self.number = commander_number(node, port.process)
         """Of this commander, in commands and in what the motor loop says of them."""
         TimeServer(port)
-        self._accelerates = config.robot.kind == "dynamic"
+        robot = robot_type(config.robot.kind)
+        self._channel = channels.command_channel(robot)
+        self._message = robot.commanded()
+        self._no_input = (0.0,) * robot.input_dim
         self._holds = False
         port.subscribe(channels.ONBOARD_STATUS, self._on_onboard)
 
-    def send(self, u: tuple[float, float], utime: int) -> None:
-        """Send (v, omega) in m/s and rad/s, or (a, d_omega) in m/s^2 and rad/s^2."""
+    def send(self, u: Sequence[float], utime: int) -> None:
+        """Send an input (m,), as the kind has it."""
         intent = lcmtypes.velocity_command_t.CONTINUE
         if not self._holds:
             intent = lcmtypes.velocity_command_t.BEGIN
@@ -127,24 +139,16 @@ class Commands:
 
     def release(self, utime: int) -> None:
         """Bring the robot to rest and give it up."""
-        self._send((0.0, 0.0), utime, lcmtypes.velocity_command_t.RELEASE)
+        self._send(self._no_input, utime, lcmtypes.velocity_command_t.RELEASE)
 
     def _on_onboard(self, status: lcmtypes.onboard_status_t) -> None:
         self._holds = status.commander == self.number
 
-    def _send(self, u: tuple[float, float], utime: int, intent: int) -> None:
-        if self._accelerates:
-            acceleration = lcmtypes.acceleration_command_t()
-            acceleration.utime, acceleration.commander = utime, self.number
-            acceleration.intent = intent
-            acceleration.a_m_per_s2, acceleration.d_omega_rad_per_s2 = u
-            self._port.publish(channels.ACCELERATION_CMD, acceleration)
-        else:
-            velocity = lcmtypes.velocity_command_t()
-            velocity.utime, velocity.commander = utime, self.number
-            velocity.intent = intent
-            velocity.v_m_per_s, velocity.omega_rad_per_s = u
-            self._port.publish(channels.VELOCITY_CMD, velocity)
+    def _send(self, u: Sequence[float], utime: int, intent: int) -> None:
+        message = self._channel.type()
+        message.utime, message.commander, message.intent = utime, self.number, intent
+        self._message.encode(message, u)
+        self._port.publish(self._channel, message)
 
 
 class SessionInfo:

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from koopman_lab.mpc.prediction import PredictionModel
     from offboard.controller.node import ControllerNode
 
-STARTS = {"kinematic": (0.0, 0.5, 0.0), "dynamic": (-1.1, -0.53, -42.68)}
-"""m, m, degrees: the paper's lab runs, sections 4 and 5.4."""
 AFTER_LIMIT_S = 10.0
 """Time beyond the controller's own limit for waiting and braking."""
 TRAJECTORY = "trajectory.csv"

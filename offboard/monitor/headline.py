@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from typing import Any
 
 import lcmtypes
-from koopman_lab.bus.channels import COMMANDER
+from koopman_lab.bus.channels import COMMANDER, TIME_PONG, TIME_SYNC, Channel
 from koopman_lab.bus.processes import commanders, died
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
@@ -37,8 +38,6 @@ PERIODS = 5
 SOONEST_STALE_S = 0.5
 FORGOTTEN_S = 30.0
 """So long a commander that fell silent is news; the robot stands, and others may drive it."""
-EXCHANGES = frozenset({"VELOCITY_CMD", "ACCELERATION_CMD", "TIME_PONG", "TIME_SYNC"})
-"""Periodic only as long as somebody drives the robot; their silence says nothing by itself."""
 
 
 def word(names: Sequence[str], number: int) -> str:
@@ -123,7 +122,7 @@ def stale(
     found = []
     for stream in streams:
         rate_hz, channel = stream.nominal_hz(config), stream.channel
-        if rate_hz is None or channel is None or channel.suffix in EXCHANGES:
+        if rate_hz is None or channel is None or _is_exchange(channel):
             continue
         age_s = (now_us - stream.heard_us) / US_PER_S
         passing = channel.publisher in {COMMANDER, *commanders()}
@@ -132,6 +131,11 @@ def stale(
         if age_s > max(PERIODS / rate_hz, SOONEST_STALE_S):
             found.append((stream, age_s))
     return found
+
+
+def _is_exchange(channel: Channel[Any]) -> bool:
+    """Return whether it is periodic only as long as somebody drives the robot."""
+    return channel.is_command or channel in (TIME_PONG, TIME_SYNC)
 
 
 def banners(

@@ -13,6 +13,7 @@ from itertools import pairwise
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ConfigError
 from koopman_lab.geometry.planar import REST, Pose, Velocity
+from koopman_lab.robots.table import robot_type
 
 CLOSING_SWING_RAD = 2.404825557695773
 """The first zero of the Bessel function J0: a heading that swings by it, like a cosine in time and
@@ -38,19 +39,20 @@ def start_pose(config: LabConfig, shape: Shape) -> Pose:
 def input_sequence(config: LabConfig, shape: Shape) -> list[tuple[float, float]]:
     """Return the inputs of a run, one for each control interval.
 
-    (v, omega) in m/s and rad/s for the kinematic robot, (a, d_omega) in m/s^2 and rad/s^2 for the
-    second-order robot.
+    They are (v, omega) in m/s and rad/s or (a, d_omega) in m/s^2 and rad/s^2, as the robot's kind
+    has it.
 
     Raises
     ------
     ConfigError
         If the sides or the quarter turns are too short for their speed.
+    LabStateError
+        If the robot does not roll on two driven wheels.
     """
     profile = _infinity(config) if shape is Shape.INFINITY else _square(config)
-    dt_s, steps = config.controller.dt_s, pairwise([REST, *profile])
-    if config.robot.kind == "kinematic":
-        return [(0.5 * (a.v + b.v), 0.5 * (a.omega + b.omega)) for a, b in steps]
-    return [((b.v - a.v) / dt_s, (b.omega - a.omega) / dt_s) for a, b in steps]
+    drive = robot_type(config.robot.kind).on_two_wheels("the reference driver")
+    dt_s = config.controller.dt_s
+    return [drive.along(begin, end, dt_s) for begin, end in pairwise([REST, *profile])]
 
 
 def _infinity(config: LabConfig) -> list[Velocity]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from koopman_lab.robots.dynamic import DYNAMIC
+from koopman_lab.robots.kinematic import KINEMATIC
 from offboard.reproduction.step_runner import Step
 
 DICTIONARIES = ("D8Eul", "D10m", "D13t", "D12f")
@@ -79,7 +81,7 @@ def _kinematic(seed: int) -> list[Step]:
     return [
         _step(
             "kinematic-session",
-            *("calibrate", "--robot", "kinematic", *lab, "--out", "kinematic-session"),
+            *("calibrate", "--robot", KINEMATIC.name, *lab, "--out", "kinematic-session"),
         ),
         _step("kinematic-model", "train", "kinematic-session", "--out", model),
         _step("kinematic-slow-model", "train", "kinematic-session", "--dt", "0.1", "--out", SLOW),
@@ -102,7 +104,7 @@ def _kinematic(seed: int) -> list[Step]:
 
 
 def _dynamic(size: Size, seed: int) -> list[Step]:
-    robot = ("--robot", "dynamic", "--lockstep", "--seed", seed)
+    robot = ("--robot", DYNAMIC.name, "--lockstep", "--seed", seed)
     models = [f"{name}/{name}.npz" for name in DICTIONARIES]
     simulate = ("simulate", "--model", BASELINE)
 
@@ -119,9 +121,9 @@ def _dynamic(size: Size, seed: int) -> list[Step]:
             "dynamic-session",
             *("calibrate", *robot, "--segments", size.segments, "--out", "dynamic-session"),
         ),
-        drive("dynamic-infinity", "infinity", "dynamic"),
-        drive("dynamic-square", "square", "dynamic"),
-        drive("kinematic-infinity", "infinity", "kinematic"),
+        drive("dynamic-infinity", "infinity", DYNAMIC.name),
+        drive("dynamic-square", "square", DYNAMIC.name),
+        drive("kinematic-infinity", "infinity", KINEMATIC.name),
         *(
             _step(name, "train", "dynamic-session", "--dictionary", name, "--out", file)
             for name, file in zip(DICTIONARIES, models, strict=True)

@@ -10,6 +10,7 @@ import numpy as np
 from koopman_lab.config import schema
 from koopman_lab.config.schema import LabConfig, StateSet
 from koopman_lab.geometry.planar import REST, Pose, Velocity, move_along_arc, wrap_angle
+from koopman_lab.robots.table import robot_type
 
 
 class Draw(NamedTuple):
@@ -20,7 +21,7 @@ class Draw(NamedTuple):
 
 
 class Launch(NamedTuple):
-    """Constant accelerations for some steps, which nominally lead from rest to a velocity."""
+    """A constant input for some steps, which nominally leads from rest to a velocity."""
 
     steps: int
     u: tuple[float, float]
@@ -42,26 +43,33 @@ class Planner:
         Sets, limits, control interval and the robot's kind.
     rng
         Source of the draws.
+
+    Raises
+    ------
+    LabStateError
+        If the robot does not roll on two driven wheels.
     """
 
     def __init__(self, config: LabConfig, rng: np.random.Generator) -> None:
         self._sampler: schema.Sampler = config.sampler
         self._dt_s = config.controller.dt_s
-        self._accelerates = config.robot.kind == "dynamic"
+        robot = robot_type(config.robot.kind)
+        self._drive = robot.on_two_wheels("the sampler")
+        self._draws_velocity = bool(robot.speeds_at)
         self._rng = rng
 
     def draw(self) -> Draw:
-        """Draw a state uniformly from the draw set; the kinematic robot starts at rest."""
+        """Draw a state uniformly from the draw set; one without velocities starts at rest."""
         box = self._sampler.draw_set
         x1, x2, theta, v, omega = (
             float(self._rng.uniform(*r))
             for r in (box.x1_m, box.x2_m, box.theta_rad, box.v_m_per_s, box.omega_rad_per_s)
         )
-        velocity = Velocity(v, omega) if self._accelerates else REST
+        velocity = Velocity(v, omega) if self._draws_velocity else REST
         return Draw(Pose(x1, x2, theta), velocity)
 
     def launch(self, velocity: Velocity) -> Launch:
-        """Return admissible accelerations that nominally end in ``velocity``."""
+        """Return an admissible constant input that nominally leads from rest to ``velocity``."""
         s = self._sampler
         shortest_s = max(
             abs(velocity.v) / s.acceleration_m_per_s2,
@@ -70,8 +78,7 @@ class Planner:
         steps = math.ceil(shortest_s / self._dt_s)
         if steps == 0:
             return Launch(0, (0.0, 0.0))
-        time_s = steps * self._dt_s
-        return Launch(steps, (velocity.v / time_s, velocity.omega / time_s))
+        return Launch(steps, self._drive.towards(REST, velocity, steps * self._dt_s))
 
     def worth_driving(self, start: Pose, launch: Launch, basis_input: tuple[float, float]) -> bool:
         """Return whether the nominal robot stays in Z for the smallest number of basis steps."""
@@ -83,15 +90,12 @@ class Planner:
 
     def after(self, velocity: Velocity, u: tuple[float, float]) -> Velocity:
         """Return the nominal velocity after one step with input ``u``."""
-        if not self._accelerates:
-            return Velocity(*u)
-        return Velocity(velocity.v + u[0] * self._dt_s, velocity.omega + u[1] * self._dt_s)
+        return Velocity(*self._drive.after(velocity, u, self._dt_s))
 
     def _step(
         self, pose: Pose, velocity: Velocity, u: tuple[float, float]
     ) -> tuple[Pose, Velocity]:
         after = self.after(velocity, u)
         # The mean velocity of the step is exact in the angle and good to microns in position.
-        before = velocity if self._accelerates else after
-        v, omega = 0.5 * (before.v + after.v), 0.5 * (before.omega + after.omega)
+        v, omega = self._drive.mean(velocity, after)
         return move_along_arc(pose, v * self._dt_s, omega * self._dt_s), after

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import REST, Pose, Velocity, wrap_angle
+from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 from offboard.sampler.plan import Draw, Launch, Planner, contains
 from offboard.sampler.profile import clip, slew, stopping_speed
@@ -99,8 +100,8 @@ class Sampler:
         self.total = settings.segments_per_basis * len(settings.basis_inputs)
         self._settings = settings
         self._planner = planner
-        self._inputs = settings.indexed_inputs
-        self._accelerates = config.robot.kind == "dynamic"
+        self._inputs = {index: (u[0], u[1]) for index, u in settings.indexed_inputs.items()}
+        self._body = robot_type(config.robot.kind).on_two_wheels("the sampler")
         self._dt_s = config.controller.dt_s
         self._velocity = REST
         self._draw = Draw(Pose(0.0, 0.0, 0.0), REST)
@@ -251,9 +252,10 @@ class Sampler:
             return self._towards(REST)
         if now_us - self._since_us < round(STANDING_S * US_PER_S):
             return self._towards(REST)
-        if self._accelerates and seen.setpoint is not None and max(map(abs, seen.setpoint)) > 1e-6:
+        setpoint = seen.setpoint if self._body.integrates else None
+        if setpoint is not None and max(map(abs, setpoint)) > 1e-6:
             # Commands were lost on the way: the robot still moves by what they would have taken.
-            self._velocity = seen.setpoint
+            self._velocity = setpoint
             return self._towards(REST)
         if self.done == self.total:
             self._enter(Phase.DONE, now_us)
@@ -289,14 +291,12 @@ class Sampler:
         self._since_us = now_us
         self._steps = 0
 
-    def _towards(self, wanted: Velocity) -> tuple[float, float]:
-        """Return the input of a step from the present velocity towards ``wanted``."""
+    def _towards(self, target: Velocity) -> tuple[float, float]:
+        """Return the input of a step from the present velocity towards another."""
         s, now = self._settings, self._velocity
-        v = slew(now.v, wanted.v, s.acceleration_m_per_s2 * self._dt_s)
-        omega = slew(now.omega, wanted.omega, s.turn_acceleration_rad_per_s2 * self._dt_s)
-        if not self._accelerates:
-            return v, omega
-        return (v - now.v) / self._dt_s, (omega - now.omega) / self._dt_s
+        v = slew(now.v, target.v, s.acceleration_m_per_s2 * self._dt_s)
+        omega = slew(now.omega, target.omega, s.turn_acceleration_rad_per_s2 * self._dt_s)
+        return self._body.towards(now, (v, omega), self._dt_s)
 
     def _distance(self, pose: Pose) -> float:
         return math.hypot(self._draw.pose.x1 - pose.x1, self._draw.pose.x2 - pose.x2)

@@ -13,19 +13,12 @@ import typer
 
 from koopman_lab.config.load import load_config
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import DataError
 from koopman_lab.geometry.planar import Pose, wrap_angle
+from koopman_lab.robots.table import DEFAULT_ROBOT, ROBOTS, robot_type
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
-
-
-class RobotName(str, Enum):
-    """Choices of ``--robot``."""
-
-    kinematic = "kinematic"
-    dynamic = "dynamic"
 
 
 class PresetName(str, Enum):
@@ -43,6 +36,16 @@ class ShapeName(str, Enum):
     square = "square"
 
 
+def _robot_name(text: str) -> str:
+    """Return the name of a kind of robot that there is; its errors are :func:`robot_type`'s."""
+    return robot_type(text).name
+
+
+def _robot_names(incomplete: str) -> list[str]:
+    """Return the names that begin so, for a shell that completes words."""
+    return [name for name in ROBOTS.names() if name.startswith(incomplete)]
+
+
 ConfigFile = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="YAML file with any part of the configuration."),
@@ -54,8 +57,14 @@ Overrides = Annotated[
     ),
 ]
 Robot = Annotated[
-    RobotName | None,
-    typer.Option("--robot", help="Which robot (kinematic, unless --config says it)."),
+    str | None,
+    typer.Option(
+        "--robot",
+        parser=_robot_name,
+        metavar=f"<{'|'.join(ROBOTS.names())}>",
+        autocompletion=_robot_names,
+        help=f"Which robot ({DEFAULT_ROBOT}, unless --config says it).",
+    ),
 ]
 RobotsName = Annotated[
     str | None,
@@ -123,7 +132,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 def resolve(
     config: Path | None,
     overrides: Sequence[str] | None,
-    robot: RobotKind | None,
+    robot: str | None,
     preset: PresetName = PresetName.lab,
     seed: int | None = None,
     url: str | None = None,
@@ -165,9 +174,14 @@ def listen(config: LabConfig) -> Listener:
     return Listener(config)
 
 
-def kind_of(robot: RobotName | None) -> RobotKind | None:
-    """Return the robot's kind that ``--robot`` names."""
-    return None if robot is None else robot.value
+def start_of(
+    typed: tuple[float, float, float] | None, standard: tuple[float, float, float]
+) -> Pose:
+    """Return the pose that a person types (m, m, degrees), or else a standard one (m, m, rad)."""
+    if typed is not None:
+        return pose_of(typed)
+    x1, x2, theta = standard
+    return Pose(x1, x2, wrap_angle(theta))
 
 
 def pose_of(typed: tuple[float, float, float]) -> Pose:

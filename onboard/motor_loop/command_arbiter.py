@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 from koopman_lab.bus.age import is_current
 from koopman_lab.bus.commanders import NOBODY
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 
 ROUNDING = 1e-9
@@ -65,11 +66,8 @@ class CommandArbiter:
         self.refused_last = NOBODY
         """Commander that was refused last because another one holds the robot."""
         self.counts = Counts()
-        self._largest_u = (
-            (limits.a_m_per_s2, limits.d_omega_rad_per_s2)
-            if config.robot.kind == "dynamic"
-            else (limits.v_m_per_s, limits.omega_rad_per_s)
-        )
+        drive = robot_type(config.robot.kind).on_two_wheels("the motor loop")
+        self._largest_u = [getattr(limits, name) for name in drive.limits]
         self._lifetime_us = round(config.motor_loop.command_lifetime_s * US_PER_S)
         self._watchdog_us = round(config.motor_loop.watchdog_s * US_PER_S)
         self._last_sequence = -1

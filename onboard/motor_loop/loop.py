@@ -6,12 +6,13 @@ from enum import IntEnum
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import REST, Velocity, body_velocity, wheel_speeds
+from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 from onboard.motor_loop.command_arbiter import Command, CommandArbiter, Intent, Refusal
 from onboard.motor_loop.health import LEFT, NO_FAULT, OLDEST_US, RIGHT, Fault, Health
 from onboard.motor_loop.odometry import Odometry, Speeds
 from onboard.motor_loop.pid import WheelController
-from onboard.motor_loop.setpoint import AccelerationRamp, approach, saturate
+from onboard.motor_loop.setpoint import Setpoint, approach, saturate
 
 Duties = tuple[float, float]
 NO_DUTY: Duties = (0.0, 0.0)
@@ -42,6 +43,11 @@ class MotorLoop:
     silent encoders release themselves when they are heard again. A loop that was itself kept from
     running, longer than the watchdog waits, takes the robot as it finds it and brings it to rest.
     All times are int64 microseconds of the onboard clock, which never steps.
+
+    Raises
+    ------
+    LabStateError
+        If the robot does not roll on two driven wheels.
     """
 
     def __init__(self, config: LabConfig) -> None:
@@ -56,9 +62,8 @@ class MotorLoop:
         self._track_width_m = config.robot.track_width_m
         self._limits = loop.limits
         self._tick_s = 1.0 / loop.rate_hz
-        self._accelerates = config.robot.kind == "dynamic"
-        self._ramp = AccelerationRamp(loop.limits, config.controller.dt_s, self._tick_s)
-        self._target = REST
+        drive = robot_type(config.robot.kind).on_two_wheels("the motor loop")
+        self._commanded = Setpoint(drive, loop.limits, config.controller.dt_s, self._tick_s)
         self._releasing = False
         self._encoder_us: int | None = None
         self._ticked_us: int | None = None
@@ -77,18 +82,14 @@ class MotorLoop:
             return refusal
         if self.state is not DRIVING:
             self.state = DRIVING
-            self._ramp.reset(REST)
+            self._commanded.reset(REST)
         self._releasing = command.intent is Intent.RELEASE
-        if self._releasing:
-            self._target = REST
-        elif self._accelerates:
-            self._ramp.command(command.u1, command.u2)
-        else:
-            self._target = saturate(Velocity(command.u1, command.u2), self._limits)
+        if not self._releasing:
+            self._commanded.command((command.u1, command.u2))
         return None
 
     def refuse_type(self) -> None:
-        """Count a command that was of the other robot's type, or not decodable."""
+        """Count a command that was of another robot's type, or not decodable."""
         self.arbiter.refuse("type")
 
     def estop(self, engaged: bool) -> None:
@@ -149,10 +150,7 @@ class MotorLoop:
             if self._releasing and self.setpoint == REST:
                 self._stand(State.REST)
         elif driving:
-            if self._accelerates:
-                self.setpoint = self._ramp.step(self.setpoint)
-            else:
-                self.setpoint = approach(self.setpoint, self._target, self._limits, self._tick_s)
+            self.setpoint = self._commanded.step(self.setpoint)
 
     def _control(self, measured: Speeds) -> Duties:
         left_wheel, right_wheel = self._wheels
@@ -170,10 +168,10 @@ class MotorLoop:
 
     def _stand(self, state: State) -> None:
         self.state = state
-        self.setpoint = self._target = REST
+        self.setpoint = REST
         self.arbiter.revoke()
         self._releasing = False
         self._duties = NO_DUTY
-        self._ramp.reset(REST)
+        self._commanded.reset(REST)
         for wheel in self._wheels:
             wheel.reset()

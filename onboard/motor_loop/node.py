@@ -9,6 +9,7 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import body_velocity
+from koopman_lab.robots.table import robot_type
 from onboard.desk_time import DeskTime
 from onboard.motor_loop.command_arbiter import Command, Intent
 from onboard.motor_loop.loop import MotorLoop
@@ -23,6 +24,7 @@ class OnboardNode:
         self.loop = MotorLoop(config)
         self._config = config
         self._robot = config.robot
+        self._command = robot_type(config.robot.kind).commanded()
         self._rates = config.motor_loop
         self._stopped_us = 0
         self._duties = lcmtypes.motor_command_t()
@@ -33,8 +35,8 @@ class OnboardNode:
         self._time = DeskTime(port, self._config)
         port.subscribe(channels.ENCODER, self._on_encoder)
         port.subscribe(channels.ESTOP, self._on_estop)
-        port.subscribe_raw(channels.VELOCITY_CMD, self._on_command)
-        port.subscribe_raw(channels.ACCELERATION_CMD, self._on_command)
+        for channel in channels.wheel_command_channels():
+            port.subscribe_raw(channel, self._on_command)
         port.every(self._rates.rate_hz, self._on_tick)
         port.every(self._rates.wheel_state_rate_hz, self._on_wheel_state_tick)
         port.every(self._rates.status_rate_hz, self._on_status_tick)
@@ -67,14 +69,10 @@ class OnboardNode:
         self.loop.command(command._replace(utime=utime), arrived_us)
 
     def _decode(self, data: bytes) -> Command:
-        # The fingerprint decides: the other robot's type raises ValueError here.
-        if self._robot.kind == "dynamic":
-            a = lcmtypes.acceleration_command_t.decode(data)
-            u = a.a_m_per_s2, a.d_omega_rad_per_s2
-            return Command(a.utime, a.sequence, a.commander, Intent(a.intent), *u)
-        v = lcmtypes.velocity_command_t.decode(data)
-        u = v.v_m_per_s, v.omega_rad_per_s
-        return Command(v.utime, v.sequence, v.commander, Intent(v.intent), *u)
+        # The fingerprint decides: another robot's type raises ValueError here.
+        m = self._command.type.decode(data)
+        u1, u2 = self._command.decode(m)
+        return Command(m.utime, m.sequence, m.commander, Intent(m.intent), u1, u2)
 
     def _on_tick(self, tick_us: int) -> None:
         left, right = self.loop.tick(tick_us)

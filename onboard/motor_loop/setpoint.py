@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from koopman_lab.config.robot_side import VelocityLimits
 from koopman_lab.geometry.planar import REST, Velocity
+from koopman_lab.robots.body_drive import BodyDrive
 
 
 def saturate(velocity: Velocity, limits: VelocityLimits) -> Velocity:
@@ -32,39 +33,53 @@ def approach(present: Velocity, target: Velocity, limits: VelocityLimits, dt_s: 
     return Velocity(present.v + dv / excess, present.omega + d_omega / excess)
 
 
-class AccelerationRamp:
-    """Integrates commanded accelerations tick by tick (paper, section 5).
+class Setpoint:
+    """What the wheels are to do, moved tick by tick as the commands say (paper, section 5).
 
-    Each command moves the velocity aimed at for the end of its control interval by
-    ``u * interval``; the ticks of the interval walk there in equal parts, starting from the
-    present set-point. Without jitter this is plain integration. When commands come a tick early
-    or late, as they do over a radio, the sum still equals the sum of the commands. After the
-    interval the set-point is held: a silent commander does not go on accelerating the robot.
+    Each command moves the velocity aimed at, and the set-point walks there within the
+    accelerations. Where inputs are accelerations it does so in equal parts over the control
+    interval, starting from where it is. Without jitter this is plain integration. When commands
+    come a tick early or late, as they do over a radio, the sum still equals the sum of the
+    commands. After the interval the set-point is held: a silent commander does not go on
+    accelerating the robot.
+
+    Parameters
+    ----------
+    drive
+        What inputs do to the body velocity.
+    limits
+        Of velocities and accelerations.
+    interval_s
+        From one command to the next (s).
+    tick_s
+        Of the motor loop (s).
     """
 
-    def __init__(self, limits: VelocityLimits, interval_s: float, tick_s: float) -> None:
+    def __init__(
+        self, drive: BodyDrive, limits: VelocityLimits, interval_s: float, tick_s: float
+    ) -> None:
+        self._drive = drive
         self._limits = limits
         self._interval_s = interval_s
-        self._ticks = max(1, round(interval_s / tick_s))
+        self._ticks = max(1, round(interval_s / tick_s)) if drive.integrates else 1
         self._tick_s = tick_s
         self.reset(REST)
 
     def reset(self, velocity: Velocity) -> None:
         """Start again from a velocity."""
-        self._end = velocity
+        self.aim = velocity
+        """The velocity at the end of the control interval."""
         self._left = 0
 
-    def command(self, a: float, d_omega: float) -> None:
-        """Begin a control interval with accelerations in m/s^2 and rad/s^2."""
-        aim = Velocity(
-            self._end.v + a * self._interval_s, self._end.omega + d_omega * self._interval_s
-        )
-        self._end = saturate(aim, self._limits)
+    def command(self, u: tuple[float, float]) -> None:
+        """Begin a control interval with an input, as the robot's kind has it."""
+        aim = Velocity(*self._drive.after(self.aim, u, self._interval_s))
+        self.aim = saturate(aim, self._limits)
         self._left = self._ticks
 
     def step(self, present: Velocity) -> Velocity:
         """Return the set-point one tick later."""
-        aim = self._end
+        aim = self.aim
         if self._left > 1:
             share = 1.0 / self._left
             aim = Velocity(

@@ -12,7 +12,7 @@ TIMES = st.lists(st.integers(0, 4_000_000), max_size=10, unique=True).map(sorted
 
 @given(TIMES, st.integers(0, 4_000_000), st.integers(0, 1_000_000))
 def test_the_pieces_add_up_to_the_time_and_to_the_integral(times, start_us, lasts_us):
-    history, end_us = InputHistory(), start_us + lasts_us
+    history, end_us = InputHistory(2), start_us + lasts_us
     inputs = [np.array([1.0 + k, -2.0 * k]) for k in range(len(times))]
     for from_us, u in zip(times, inputs, strict=True):
         history.add(from_us, u)
@@ -27,7 +27,7 @@ def test_the_pieces_add_up_to_the_time_and_to_the_integral(times, start_us, last
 
 
 def test_an_earlier_time_takes_the_place_of_what_was_to_come_later():
-    history = InputHistory()
+    history = InputHistory(2)
     history.add(100, np.ones(2))
     history.add(90, np.full(2, 3.0))
     ((duration_s, u),) = history.between(95, 105, 1.0)
@@ -35,7 +35,7 @@ def test_an_earlier_time_takes_the_place_of_what_was_to_come_later():
 
 
 def test_what_is_long_past_is_forgotten():
-    history = InputHistory()
+    history = InputHistory(2)
     for k in range(1000):
         history.add(k * 50_000, np.array([k, 0.0]))
     assert sum(1 for _ in history.between(0, 10**12, 1e9)) <= MEMORY_S / 0.05 + 2

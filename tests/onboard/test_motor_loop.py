@@ -10,11 +10,12 @@ from motor_bench import CONTROLLER, SAMPLER, TICK_US, Bench
 
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import Velocity
+from koopman_lab.robots.body_drive import BY_ACCELERATIONS
 from koopman_lab.units import COUNTER_RANGE
 from onboard.motor_loop.command_arbiter import NOBODY, Intent
 from onboard.motor_loop.loop import State
 from onboard.motor_loop.odometry import Odometry
-from onboard.motor_loop.setpoint import AccelerationRamp, approach, saturate
+from onboard.motor_loop.setpoint import Setpoint, approach, saturate
 
 CONFIGS = {robot: load_config(robot=robot) for robot in ("kinematic", "dynamic")}
 
@@ -33,10 +34,10 @@ def test_acceleration_ramp_is_tracked(dynamic):
 
 def test_the_setpoint_reaches_the_sum_of_the_commands_whatever_the_jitter():
     limits = load_config(robot="dynamic").motor_loop.limits
-    ramp = AccelerationRamp(limits, 0.05, 0.01)
+    ramp = Setpoint(BY_ACCELERATIONS, limits, 0.05, 0.01)
     setpoint = Velocity(0.0, 0.0)
     for ticks in (4, 6, 5, 7, 3, 5):
-        ramp.command(0.2, -0.5)
+        ramp.command((0.2, -0.5))
         for _ in range(ticks):
             setpoint = ramp.step(setpoint)
     assert setpoint == pytest.approx((6 * 0.2 * 0.05, -6 * 0.5 * 0.05), abs=1e-12)
@@ -84,10 +85,10 @@ def test_a_robot_that_nobody_holds_is_taken_only_by_beginning(kinematic):
 )
 def test_refused_commands_are_counted_by_reason_and_change_nothing(kinematic, changes, reason):
     kinematic.drive((0.2, 0.0), 0.2)
-    target = kinematic.loop._target
+    aim = kinematic.loop._commanded.aim
     assert kinematic.command((0.3, 0.3), **changes) == reason
     assert kinematic.loop.arbiter.counts.refused[reason] == 1
-    assert kinematic.loop._target == target
+    assert kinematic.loop._commanded.aim == aim
 
 
 def test_a_standing_robot_gets_no_duty(kinematic):

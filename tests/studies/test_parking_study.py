@@ -8,6 +8,7 @@ import pytest
 
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import DataError
+from koopman_lab.robots.kinematic import KINEMATIC
 from koopman_lab.studies import parking
 from koopman_lab.studies.pools import Processes
 from koopman_lab.studies.runner import Study, run_study
@@ -30,7 +31,7 @@ def test_all_controllers_meet_the_same_starts():
     assert starts[0] == starts[1] == parking.start(one.config, 2).tolist()
     assert rows[0]["reason"] is rows[1]["reason"] is None
     children = np.random.SeedSequence(one.config.seed).spawn(3)
-    low, high = np.array(parking.KINEMATIC_STARTS).T
+    low, high = np.array(KINEMATIC.runs.random_starts).T
     assert starts[0] == np.random.default_rng(children[2]).uniform(low, high).tolist()
 
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from koopman_lab.config.robot_side import Fault
-from koopman_lab.config.values import RobotKind
 from koopman_lab.geometry.planar import Pose
+from koopman_lab.robots.robot_type import RobotType
 from offboard.bench.faults.bounds import (
     Bound,
     by_controller,
@@ -59,8 +59,9 @@ class Scenario:
         What the robot is doing.
     watched_s
         Time after the strike that is looked at.
-    robots
-        Kinds of the robot that it means something for.
+    by_wheels
+        Whether it is for robots whose state takes velocities from the wheels, or for the others;
+        None for all.
     """
 
     name: str
@@ -70,7 +71,11 @@ class Scenario:
     told: str = ""
     activity: Activity = "park"
     watched_s: float = 2.5
-    robots: tuple[RobotKind, ...] = ("kinematic", "dynamic")
+    by_wheels: bool | None = None
+
+    def is_for(self, robot: RobotType) -> bool:
+        """Return whether it means something for a kind of robot."""
+        return self.by_wheels in (None, bool(robot.speeds_at))
 
 
 SCENARIOS: tuple[Scenario, ...] = (
@@ -196,7 +201,7 @@ SCENARIOS: tuple[Scenario, ...] = (
     Scenario(
         "model of the wrong robot", wrong_model, ("DRIVING",), told="the prediction model is of"
     ),
-    Scenario("wheel odometry missing", no_wheels, ("DRIVING",), robots=("kinematic",)),
+    Scenario("wheel odometry missing", no_wheels, ("DRIVING",), by_wheels=False),
     Scenario(
         "wheel odometry missing",
         no_wheels,
@@ -204,7 +209,7 @@ SCENARIOS: tuple[Scenario, ...] = (
         lambda config: by_controller(config, oldest_wheels_s(config)),
         "wheel odometry lost",
         watched_s=GIVEN_UP_S,
-        robots=("dynamic",),
+        by_wheels=True,
     ),
     Scenario("solver fails once", failing_solver(1), ("DRIVING",)),
     Scenario("solver fails four times", failing_solver(4), ("DRIVING",)),

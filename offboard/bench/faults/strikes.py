@@ -8,26 +8,27 @@ from dataclasses import dataclass
 
 import lcmtypes
 from koopman_lab.bus.channels import (
-    ACCELERATION_CMD,
     ESTOP,
     FAULT,
     GOAL,
     MOCAP_POSE,
-    VELOCITY_CMD,
     WHEEL_STATE,
+    command_channel,
 )
 from koopman_lab.config.robot_side import Fault
-from koopman_lab.config.values import RobotKind
 from koopman_lab.emulation.faults import fault_message
 from koopman_lab.errors import LabStateError, ModelError
 from koopman_lab.geometry.planar import Pose
 from koopman_lab.mpc.prediction import NominalPrediction
+from koopman_lab.robots.table import ROBOTS, robot_type
 from koopman_lab.units import US_PER_S
 from offboard.bench.faults.failing_solver import FailingSolver
 from offboard.bench.faults.stage import Stage
 from offboard.controller.node import ControllerNode
 from offboard.desk.goal_message import goal_message, require_reachable
 from offboard.sampler.node import SamplerNode
+
+CONTROLLER, BEGIN = lcmtypes.velocity_command_t.CONTROLLER, lcmtypes.velocity_command_t.BEGIN
 
 
 @dataclass(frozen=True)
@@ -58,16 +59,12 @@ def command(u: float, age_s: float = 0.0) -> Callable[[Stage], None]:
 
     def send(stage: Stage) -> None:
         utime = stage.lab.now_us - round(age_s * US_PER_S)
-        if stage.config.robot.kind == "dynamic":
-            a = lcmtypes.acceleration_command_t()
-            a.utime, a.commander, a.intent = utime, a.CONTROLLER, a.BEGIN
-            a.a_m_per_s2 = u
-            stage.lab.publish(ACCELERATION_CMD, a)
-        else:
-            v = lcmtypes.velocity_command_t()
-            v.utime, v.commander, v.intent = utime, v.CONTROLLER, v.BEGIN
-            v.v_m_per_s = u
-            stage.lab.publish(VELOCITY_CMD, v)
+        robot = robot_type(stage.config.robot.kind)
+        channel = command_channel(robot)
+        message = channel.type()
+        message.utime, message.commander, message.intent = utime, CONTROLLER, BEGIN
+        robot.commanded().encode(message, [u, *[0.0] * (robot.input_dim - 1)])
+        stage.lab.publish(channel, message)
 
     return send
 
@@ -87,8 +84,8 @@ def send_to(goal: Pose) -> Callable[[Stage], None]:
 
 def wrong_model(stage: Stage) -> None:
     """Start a second controller, with a model of the other robot."""
-    other: RobotKind = "kinematic" if stage.config.robot.kind == "dynamic" else "dynamic"
-    prediction = NominalPrediction(other, stage.config.controller.dt_s)
+    other = next(robot for robot in ROBOTS if robot.name != stage.config.robot.kind)
+    prediction = NominalPrediction(other.name, stage.config.controller.dt_s)
     try:
         stage.join(ControllerNode(stage.config, prediction))
     except ModelError as error:

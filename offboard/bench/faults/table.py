@@ -10,6 +10,7 @@ from typing import Any
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import wheel_speeds
+from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 from offboard.bench.faults.scenarios import SCENARIOS, Scenario
 from offboard.bench.faults.stage import Stage, is_at_rest, rolled_m
@@ -85,11 +86,13 @@ def suffer_all(
     config: LabConfig, only: str, on_progress: Callable[[float, float, str], None]
 ) -> list[Row]:
     """Run every scenario whose name contains ``only``."""
-    rows, wanted = [], [s for s in SCENARIOS if only in s.name and config.robot.kind in s.robots]
-    for done, scenario in enumerate(wanted):
-        on_progress(done, len(wanted), scenario.name)
+    robot = robot_type(config.robot.kind)
+    scenarios = [s for s in SCENARIOS if only in s.name and s.is_for(robot)]
+    rows = []
+    for done, scenario in enumerate(scenarios):
+        on_progress(done, len(scenarios), scenario.name)
         rows.append(suffer(scenario, config))
-    on_progress(len(wanted), len(wanted), "")
+    on_progress(len(scenarios), len(scenarios), "")
     return rows
 
 

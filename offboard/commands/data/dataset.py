@@ -83,9 +83,7 @@ def info(
     from koopman_lab.data.source import open_source
     from koopman_lab.evaluation.describe import describe
 
-    opened = open_source(
-        source, robot_kind=options.kind_of(robot), dt_s=dt_s, window=window, salvage=salvage
-    )
+    opened = open_source(source, robot_kind=robot, dt_s=dt_s, window=window, salvage=salvage)
     facts = {"file": str(opened.file)}
     facts |= describe(opened.dataset, dictionary or opened.dictionary)
     if as_json:
@@ -116,9 +114,7 @@ def export(
     from koopman_lab.data.dat import write_folder
     from koopman_lab.data.source import open_source
 
-    opened = open_source(
-        source, robot_kind=options.kind_of(robot), dt_s=dt_s, window=window, salvage=salvage
-    )
+    opened = open_source(source, robot_kind=robot, dt_s=dt_s, window=window, salvage=salvage)
     if layout is Format.npz:
         _save(_with_origin(opened), place)
     else:
@@ -151,7 +147,7 @@ def import_(
     """
     from koopman_lab.data.dat import read_folder
 
-    kind = options.kind_of(robot)
+    kind = robot
     inputs = None
     if config is not None or overrides:
         lab = options.resolve(config, overrides, kind)

@@ -10,14 +10,13 @@ from typing import Annotated
 import typer
 
 from koopman_lab.errors import DataError
+from koopman_lab.robots.table import robot_type
 from offboard.commands.data.validation_inputs import models_and_runs
 from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, show_damage
 
 app = typer.Typer(help="Draw figures of the paper from what was recorded.", no_args_is_help=True)
-
-INPUT_UNITS = {"kinematic": ("m/s", "rad/s"), "dynamic": ("m/s²", "rad/s²")}
 
 
 FigureFile = Annotated[
@@ -53,8 +52,9 @@ def samples(
     log = SessionLog(session, salvage=salvage)
     recorded = recording(log)
     shown = collected(recorded, wanted)
+    units = [u.unit for u in robot_type(recorded.config.robot.kind).inputs]
     with _drawing(file):
-        draw_samples(file, shown, INPUT_UNITS[recorded.config.robot.kind])
+        draw_samples(file, shown, (units[0], units[1]))
     show_damage(log.path, log.damage)
 
 

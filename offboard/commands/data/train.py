@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import ModelError
 from offboard.commands.data.marker_line import marker_line
 from offboard.terminal import options
@@ -83,7 +82,7 @@ def train(
         window,
         dt_s,
         method=Method(estimator.value, ridge, symmetric, combination.value),
-        robot_kind=options.kind_of(robot),
+        robot_kind=robot,
         salvage=salvage,
         as_json=as_json,
     )
@@ -97,7 +96,7 @@ def learn(
     dt_s: float | None = None,
     *,
     method: Method | None = None,
-    robot_kind: RobotKind | None = None,
+    robot_kind: str | None = None,
     salvage: bool = False,
     as_json: bool = False,
 ) -> Path:

@@ -10,7 +10,8 @@ import typer
 
 from koopman_lab.config.schema import CostName
 from koopman_lab.errors import DataError
-from offboard.commands.simulate import DURATIONS_S, STARTS, CostChoice
+from koopman_lab.robots.table import robot_type
+from offboard.commands.simulate import CostChoice
 from offboard.commands.studies import study_starts
 from offboard.terminal import options
 from offboard.terminal.needs import needs
@@ -49,8 +50,6 @@ def weights(
 
     Example: klab study weights --model runs/model.npz --start 0 0.5 0 --out runs/weights.csv
     """
-    import numpy as np
-
     from koopman_lab.files import write_csv
     from koopman_lab.koopman.bilinear_model import BilinearModel
     from koopman_lab.mpc.prediction import KoopmanPrediction
@@ -62,10 +61,9 @@ def weights(
     loaded.require_robot(lab.robot.kind)
     costs: list[CostName] = [choice.value for choice in cost or CostChoice]
     grid = studies.settings(costs, options.parse_factors(factors))
-    typed = start if start is not None else STARTS[lab.robot.kind]
-    seconds = duration_s if duration_s is not None else DURATIONS_S[lab.robot.kind]
-    rest = [0.0] * (2 if lab.robot.kind == "dynamic" else 0)
-    x0 = np.array([*options.pose_of(typed), *rest])
+    robot = robot_type(lab.robot.kind)
+    x0 = robot.state(options.start_of(start, robot.runs.simulate_start))
+    seconds = duration_s if duration_s is not None else robot.runs.simulate_s
     rows = []
     with progress("simulating") as report:
         for row in studies.study(lab, KoopmanPrediction(loaded), x0, seconds, grid):

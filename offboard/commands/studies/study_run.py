@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import DataError
-from offboard.commands.simulate import DURATIONS_S
+from koopman_lab.robots.table import robot_type
 from offboard.lab.run_folder import run_path
 from offboard.terminal import options
 from offboard.terminal.output import err, out, progress
@@ -20,9 +19,6 @@ if TYPE_CHECKING:
     from koopman_lab.studies.pools import Pool
     from koopman_lab.studies.runner import Study
     from koopman_lab.studies.trained_models import Recipe
-
-SLOW_DT_S = 0.1
-"""Sampling time of the kinematic robot's simulations, section 4 of the paper."""
 
 
 class How(NamedTuple):
@@ -70,7 +66,7 @@ def how_to_run(
 
 def with_model(
     model: Path,
-    kind: RobotKind | None,
+    kind: str | None,
     config: Path | None,
     overrides: Sequence[str] | None,
     seed: int | None,
@@ -87,15 +83,16 @@ def with_model(
     return lab, model.read_bytes()
 
 
-def opened(source: Path, kind: RobotKind | None) -> tuple[DataSet, str]:
+def opened(source: Path, kind: str | None) -> tuple[DataSet, str]:
     """Return a data set, at the paper's sampling time, and the dictionary for it."""
     from koopman_lab.data.source import open_source
 
-    found = open_source(source, robot_kind=kind)
-    session = found.file.is_file() and found.file != source
-    if session and found.dataset.robot_kind == "kinematic":
-        found = open_source(source, dt_s=SLOW_DT_S)
-    return found.dataset, found.dictionary
+    read = open_source(source, robot_kind=kind)
+    is_session = read.file.is_file() and read.file != source
+    dt_s = robot_type(read.dataset.robot_kind).runs.study_dt_s
+    if is_session and dt_s is not None:
+        read = open_source(source, dt_s=dt_s)
+    return read.dataset, read.dictionary
 
 
 def trained(
@@ -119,6 +116,7 @@ def trained(
     kind = dataset.robot_kind
     wanted = [f"controller.dt_s={dataset.dt_s}", *(overrides or ())]
     lab = options.resolve(None, wanted, kind, seed=seed)
+    seconds = robot_type(kind).runs.simulate_s
     goes_on = how.resume and (how.folder / "study.json").exists()
     cases = []
     for label, recipe in recipes.items():
@@ -126,7 +124,7 @@ def trained(
         content, refused = models.trained(file, recipe, dataset, dictionary, lab.seed, keep=goes_on)
         if refused:
             err.print(f"{label}: no model ({refused})", markup=False)
-        cases.append(Case(label, lab, "reprojected", DURATIONS_S[kind], content, refused))
+        cases.append(Case(label, lab, "reprojected", seconds, content, refused))
     return cases
 
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import DataError
-from offboard.commands.simulate import DURATIONS_S
+from koopman_lab.robots.dynamic import DYNAMIC
+from koopman_lab.robots.kinematic import KINEMATIC
+from koopman_lab.robots.table import robot_type
 from offboard.commands.studies.study_run import How, how_to_run, opened, run, trained, with_model
 from offboard.terminal import options
 from offboard.terminal.needs import needs
@@ -66,8 +67,8 @@ def kinematic_parking(
 
     Example: klab study kinematic-parking --model runs/slow.npz --runs 100 --out runs/parking
     """
-    how = how_to_run("kinematic-parking", folder, runs, chunk, resume, workers, dask)
-    _parking("kinematic-parking", "kinematic", model, how, config, overrides, seed)
+    how = how_to_run(f"{KINEMATIC.name}-parking", folder, runs, chunk, resume, workers, dask)
+    _parking(f"{KINEMATIC.name}-parking", KINEMATIC.name, model, how, config, overrides, seed)
 
 
 @needs("cluster", "--dask", lambda options: options["dask"])
@@ -90,8 +91,8 @@ def dynamic_parking(
 
     Example: klab study dynamic-parking --model runs/dynamic.npz --runs 100 --out runs/parking
     """
-    how = how_to_run("dynamic-parking", folder, runs, chunk, resume, workers, dask)
-    _parking("dynamic-parking", "dynamic", model, how, config, overrides, seed)
+    how = how_to_run(f"{DYNAMIC.name}-parking", folder, runs, chunk, resume, workers, dask)
+    _parking(f"{DYNAMIC.name}-parking", DYNAMIC.name, model, how, config, overrides, seed)
 
 
 @needs("cluster", "--dask", lambda options: options["dask"])
@@ -116,7 +117,7 @@ def horizon(
 
     how = how_to_run("horizon", folder, runs, chunk, resume, workers, dask)
     lab, content = with_model(model, None, config, overrides, seed)
-    seconds = DURATIONS_S[lab.robot.kind]
+    seconds = robot_type(lab.robot.kind).runs.simulate_s
     cases = [
         Case(f"h{steps}", with_controller(lab, horizon=steps), "reprojected", seconds, content)
         for steps in HORIZONS
@@ -156,13 +157,13 @@ def data_efficiency(
     """
     from koopman_lab.studies.trained_models import by_count
 
-    sources: list[tuple[RobotKind, Path | None]] = [("kinematic", kinematic), ("dynamic", dynamic)]
-    if not any(source for _, source in sources):
+    sources = {KINEMATIC.name: kinematic, DYNAMIC.name: dynamic}
+    if not any(sources.values()):
         raise DataError("name a session with --dataset-kinematic, --dataset-dynamic, or both")
     how = how_to_run("data-efficiency", folder, runs, chunk, resume, workers, dask)
     cases: list[Case] = []
     facts: dict[str, Any] = {}
-    for kind, source in sources:
+    for kind, source in sources.items():
         if source is None:
             continue
         dataset, dictionary = opened(source, kind)
@@ -232,7 +233,7 @@ COMMANDS = (kinematic_parking, dynamic_parking, data_efficiency, horizon, combin
 
 def _parking(
     name: str,
-    kind: RobotKind,
+    kind: str,
     model: Path,
     how: How,
     config: Path | None,
@@ -242,7 +243,7 @@ def _parking(
     from koopman_lab.studies.parking import cases
 
     lab, content = with_model(model, kind, config, overrides, seed)
-    run(name, cases(lab, content, DURATIONS_S[kind]), how)
+    run(name, cases(lab, content, robot_type(kind).runs.simulate_s), how)
 
 
 def _methods(

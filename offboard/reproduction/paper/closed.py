@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from koopman_lab.robots.dynamic import DYNAMIC
+from koopman_lab.robots.kinematic import KINEMATIC
 from offboard.reproduction.paper import measures as of
 from offboard.reproduction.paper.claim import Claim, Part
 from offboard.reproduction.paper.kinematic import QUADRATIC, WEIGHTS, weights_claim
@@ -11,7 +13,7 @@ RELIABLE_MM = 2.0
 """Section 5.4 counts as reliable what ends below this in 75 % of the runs."""
 SHARE = 0.75
 COSTS = ("ce", "ds")
-ENOUGH = {"kinematic": 10, "dynamic": 100}
+ENOUGH = ((KINEMATIC, 10), (DYNAMIC, 100))
 """Samples for each basis input, section 6."""
 
 CLOSED_LOOP = (
@@ -212,10 +214,10 @@ CLOSED_LOOP = (
 FEW_DATA = (
     *(
         Claim(
-            f"{robot}-few-samples",
+            f"{robot.name}-few-samples",
             "6",
-            f"{count} samples for each basis input suffice for a precise model of the {name} "
-            "robot: as many runs end close to the goal as with all samples.",
+            f"{count} samples for each basis input suffice for a precise model of the "
+            f"{robot.title}: as many runs end close to the goal as with all samples.",
             f"{count} samples (a figure, 1000 starts)",
             [
                 Part(
@@ -223,13 +225,13 @@ FEW_DATA = (
                     "share",
                     AtMost(0.05, 0.15),
                     of.lost(
-                        of.share_below("data-efficiency", f"{robot}-d{count}", RELIABLE_MM),
-                        of.share_below("data-efficiency", f"{robot}-all", RELIABLE_MM),
+                        of.share_below("data-efficiency", f"{robot.name}-d{count}", RELIABLE_MM),
+                        of.share_below("data-efficiency", f"{robot.name}-all", RELIABLE_MM),
                     ),
                 )
             ],
         )
-        for (robot, count), name in zip(ENOUGH.items(), ("kinematic", "second-order"), strict=True)
+        for robot, count in ENOUGH
     ),
     Claim(
         "few-samples-park",
@@ -238,12 +240,12 @@ FEW_DATA = (
         "no number (a figure, 1000 starts)",
         [
             Part(
-                f"{robot}, {count} samples, runs below {RELIABLE_MM:g} mm",
+                f"{robot.name}, {count} samples, runs below {RELIABLE_MM:g} mm",
                 "share",
                 AtLeast(SHARE, 0.5),
-                of.share_below("data-efficiency", f"{robot}-d{count}", RELIABLE_MM),
+                of.share_below("data-efficiency", f"{robot.name}-d{count}", RELIABLE_MM),
             )
-            for robot, count in ENOUGH.items()
+            for robot, count in ENOUGH
         ],
     ),
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from koopman_lab.robots.kinematic import KINEMATIC
 from offboard.reproduction.paper import measures as of
 from offboard.reproduction.paper.claim import Claim, Part
 from offboard.reproduction.paper.verdict import Same
@@ -295,7 +296,7 @@ SETTINGS = (
         "6",
         "Random starts for each number of samples",
         "1000",
-        ("kinematic", "", 1000.0, of.runs("data-efficiency", "kinematic-d10")),
+        (KINEMATIC.name, "", 1000.0, of.runs("data-efficiency", "kinematic-d10")),
         ("second-order", "", 1000.0, of.runs("data-efficiency", "dynamic-d100")),
     ),
 )
