@@ -212,7 +212,7 @@ class RobotType:
             )
         return self.command
 
-    def on_two_wheels(self, who: str) -> BodyDrive:
+    def on_two_wheels(self, who: str = "the motor loop") -> BodyDrive:
         """Return how its inputs move its body velocity.
 
         Parameters

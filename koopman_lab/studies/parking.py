@@ -79,7 +79,7 @@ def cases(config: LabConfig, model: bytes, duration_s: float) -> list[Case]:
     ]
 
 
-def start_ranges(config: LabConfig) -> Box:
+def start_box(config: LabConfig) -> Box:
     """Return the ranges of random starts: those of the robot's kind, or X0 (section 5.1)."""
     drawn = config.sampler.draw_set
     box = robot_type(config.robot.kind).runs.random_starts
@@ -88,7 +88,7 @@ def start_ranges(config: LabConfig) -> Box:
 
 def start(config: LabConfig, index: int) -> NDArray[np.float64]:
     """Return the state (n,) that run ``index`` begins in: a random pose, at rest."""
-    low, high = np.array(start_ranges(config)).T
+    low, high = np.array(start_box(config)).T
     # The child that `spawn` of the seed would give as number `index`.
     rng = np.random.default_rng(np.random.SeedSequence(config.seed, spawn_key=(index,)))
     return robot_type(config.robot.kind).state(rng.uniform(low, high))

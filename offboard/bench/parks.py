@@ -113,9 +113,9 @@ def parks(
 
 def starts(config: LabConfig, count: int) -> list[Pose]:
     """Return random poses at rest, the same for the same seed."""
-    from koopman_lab.studies.parking import start_ranges
+    from koopman_lab.studies.parking import start_box
 
-    low, high = np.array(start_ranges(config)).T
+    low, high = np.array(start_box(config)).T
     rng = np.random.default_rng([config.seed, count])
     return [Pose(*row) for row in rng.uniform(low, high, (count, 3)).tolist()]
 

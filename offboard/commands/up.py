@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+    robot_type(lab_config.robot.kind).on_two_wheels()
 from koopman_lab.bus.processes import PROCESSES
 from offboard.commands.view import HOST, PORT, TOKEN, Host, Port, addresses, listen, token_for
 from offboard.lab.run_folder import new_folder
@@ -66,6 +67,7 @@ def up(
     from offboard.lab.supervisor import present, start_missing, supervised
 
     lab_config = options.resolve(config, overrides, robot, preset, seed, url, robot_name=robot_name)
+    robot_type(lab_config.robot.kind).on_two_wheels()
     # Before anything is started: a package that does not fit is one message.
     for name in more or ():
         missing = set(PROCESSES.get(name).needs) - {*STANDING, *(more or ())}

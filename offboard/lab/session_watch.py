@@ -10,6 +10,7 @@ from koopman_lab.bus.commanders import NOBODY, commander_name
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
+from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 from offboard.desk.commander import ONBOARD_TIMEOUT_S, why_stopped
 
@@ -135,11 +136,13 @@ def session_listener(config: LabConfig, *, lockstep: bool) -> Listener | None:
     BusError
         If the bus cannot be opened.
     LabStateError
-        If somebody drives the robot already.
+        If somebody drives the robot already, or our motor loop would have to and cannot.
     """
     from koopman_lab.bus.realtime import Listener
 
+    robot = robot_type(config.robot.kind)
     if lockstep:
+        robot.on_two_wheels()
         return None
     listener = Listener(config)
     statuses: list[lcmtypes.onboard_status_t] = []
@@ -147,7 +150,9 @@ def session_listener(config: LabConfig, *, lockstep: bool) -> Listener | None:
     end_us = listener.now_us() + round(LISTEN_S * US_PER_S)
     while not statuses and (left_us := end_us - listener.now_us()) > 0:
         listener.spin(left_us / US_PER_S)
-    if statuses and statuses[-1].commander != NOBODY:
+    if not statuses:
+        robot.on_two_wheels()
+    elif statuses[-1].commander != NOBODY:
         channel = ONBOARD_STATUS.name(config.robot.name)
         raise LabStateError(f"{channel}: {held(statuses[-1].commander)}")
     return listener

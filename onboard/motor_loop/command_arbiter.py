@@ -66,7 +66,7 @@ class CommandArbiter:
         self.refused_last = NOBODY
         """Commander that was refused last because another one holds the robot."""
         self.counts = Counts()
-        drive = robot_type(config.robot.kind).on_two_wheels("the motor loop")
+        drive = robot_type(config.robot.kind).on_two_wheels()
         self._largest_u = [getattr(limits, name) for name in drive.limits]
         self._lifetime_us = round(config.motor_loop.command_lifetime_s * US_PER_S)
         self._watchdog_us = round(config.motor_loop.watchdog_s * US_PER_S)

@@ -62,7 +62,7 @@ class MotorLoop:
         self._track_width_m = config.robot.track_width_m
         self._limits = loop.limits
         self._tick_s = 1.0 / loop.rate_hz
-        drive = robot_type(config.robot.kind).on_two_wheels("the motor loop")
+        drive = robot_type(config.robot.kind).on_two_wheels()
         self._commanded = Setpoint(drive, loop.limits, config.controller.dt_s, self._tick_s)
         self._releasing = False
         self._encoder_us: int | None = None

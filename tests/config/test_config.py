@@ -100,11 +100,65 @@ def message(tmp_path: Path, text: str, **kwargs) -> str:
             "radio:\n  to_robot: {loss: 1.5}\n",
             "lab.yaml:2: radio.to_robot.loss: input should be less than or equal to 1, found 1.5",
         ),
-        ("controller: {weights: {me: {q: [1, 2], r: [1, 1]}}}\n", "the kinematic robot has 3"),
+        (
+            "controller: {weights: {me: {q: [1, 2], r: [1, 1]}}}\n",
+            "lab.yaml:1: controller.weights.me.q: the kinematic robot has 3 states (x1, x2, "
+            "theta), found 2 weights",
+        ),
+        (
+            "controller:\n  weights: {ds: {r: [1]}}\n",
+            "lab.yaml:2: controller.weights.ds.r: the kinematic robot has 2 inputs (v, omega), "
+            "found 1",
+        ),
+        (
+            "controller:\n  u_max: [1, 2, 3]\n",
+            "lab.yaml:2: controller.u_max: the kinematic robot has 2 inputs (v, omega), found 3",
+        ),
+        (
+            "controller:\n  speed_max: [1, 2]\n",
+            "lab.yaml:2: controller.speed_max: the state of the kinematic robot holds no velocity",
+        ),
+        (
+            "robot: {kind: dynamic}\ncontroller: {speed_max: [1]}\n",
+            "lab.yaml:2: controller.speed_max: the dynamic robot has 2 velocities (v, omega), "
+            "found 1",
+        ),
+        (
+            "sampler:\n  basis_inputs: [[0, 1]]\n",
+            "lab.yaml:2: sampler.basis_inputs: expected u_1, u_2 or u_0, u_1, u_2 of the kinematic "
+            "robot, found 1 inputs",
+        ),
+        (
+            "robot: {kind: dynamic}\nsampler:\n  basis_inputs: [[0, 1], [1, 0]]\n",
+            "lab.yaml:3: sampler.basis_inputs: expected u_0, u_1, u_2 of the dynamic robot, found "
+            "2 inputs",
+        ),
+        (
+            "sampler:\n  basis_inputs:\n    - [0, 1]\n    - [1]\n",
+            "lab.yaml:4: sampler.basis_inputs.1: the kinematic robot has 2 inputs (v, omega), "
+            "found 1",
+        ),
+        (
+            "robot:\n  kind: dynamik\n",
+            "lab.yaml:2: robot.kind: unknown robot 'dynamik', known: kinematic, dynamic; did you "
+            "mean dynamic?",
+        ),
+        ("robot: {kind: 3}\n", "lab.yaml:1: robot.kind: input should be a valid string, found 3"),
+        ("presets: {}\n", "lab.yaml:1: presets: unknown key"),
     ],
 )
 def test_messages_name_file_line_key_and_remedy(tmp_path, text, said):
     assert said in message(tmp_path, text)
+
+
+def test_a_record_of_an_unknown_robot_lists_the_known_ones():
+    with pytest.raises(ConfigError, match=r"record:2: robot\.kind: unknown .*: kinematic, dynamic"):
+        parse_config("robot:\n  kind: unicycle\n", "record")
+
+
+def test_an_unknown_robot_of_a_script_lists_the_known_ones():
+    with pytest.raises(ConfigError, match=r"^unknown .*: kinematic, dynamic$"):
+        load_config(robot="unicycle")
 
 
 def test_robot_of_the_file_and_of_the_command_must_agree(tmp_path):

@@ -44,15 +44,13 @@ def test_a_turn_on_the_spot_turns_and_stays_in_place(robot):
     assert x[:3] == pytest.approx([0.1, 0.2, 0.3 + 0.5 * 0.7])
 
 
-@pytest.mark.parametrize("robot", list(ROBOTS), ids=lambda robot: robot.name)
-def test_braking_ends_at_rest_and_keeps_the_bounds(robot):
-    u_max = np.full(robot.input_dim, 2.0)
-    x = np.zeros(robot.state_dim)
-    x[list(robot.speeds_at)] = 0.3
-    inputs = robot.braking(x, u_max, 0.1, 5)
-    assert inputs.shape == (5, robot.input_dim)
-    assert np.all(np.abs(inputs) <= u_max)
-    for u in inputs:
-        x = robot.step(x, u, 0.1)
-    standing = robot.step(x, np.zeros(robot.input_dim), 0.1)
-    assert standing == pytest.approx(x, abs=1e-12)
+def test_a_command_message_has_a_field_for_each_input():
+    command = replace(KINEMATIC.command, fields=("v_m_per_s",))
+    with pytest.raises(ConfigError, match=r"robot 'kinematic' has 2 inputs, .* carries 1; name a"):
+        replace(KINEMATIC, command=command)
+
+
+def test_two_driven_wheels_take_two_inputs():
+    three = (*KINEMATIC.inputs, Quantity("lift", "m/s"))
+    with pytest.raises(ConfigError, match="has 3 inputs, a robot on two driven wheels has 2"):
+        replace(KINEMATIC, inputs=three, command=None)
