@@ -8,6 +8,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from koopman_lab.robots.table import DEFAULT_ROBOT
 from offboard.terminal import options
 
 
@@ -37,7 +38,8 @@ def _command(name: str) -> Any:
     from koopman_lab.bus.processes import PROCESSES, build
 
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    text = f"Run the {PROCESSES.origin(name)}.\n\nExample: klab run {name} --robot kinematic"
+    example = f"Example: klab run {name} --robot {DEFAULT_ROBOT}"
+    text = f"Run the {PROCESSES.origin(name)}.\n\n{example}"
     app.command(name, help=text)(node_command(lambda lab: build(name, lab)))
     return typer.main.get_command(app)
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-    robot_type(lab_config.robot.kind).on_two_wheels()
 from koopman_lab.bus.processes import PROCESSES
+from koopman_lab.robots.table import robot_type
 from offboard.commands.view import HOST, PORT, TOKEN, Host, Port, addresses, listen, token_for
 from offboard.lab.run_folder import new_folder
 from offboard.terminal import options

@@ -81,7 +81,8 @@ class StateEstimator:
         self._advance = advance
         self._dt_s = config.controller.dt_s
         self._robot = robot_type(config.robot.kind)
-        self._drive = self._robot.on_two_wheels("wheel odometry") if self._robot.speeds_at else None
+        who = "a controller that takes velocities from wheels"
+        self._drive = self._robot.on_two_wheels(who) if self._robot.speeds_at else None
         self._oldest_wheels_us = oldest_wheels_s(config) * US_PER_S
         self._theta: float | None = None
         self._measured: NDArray[np.float64] | None = None

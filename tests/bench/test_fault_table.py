@@ -10,6 +10,7 @@ from rich.console import Console
 
 from koopman_lab.config.load import load_config
 from koopman_lab.config.robot_side import Fault, FaultKind
+from koopman_lab.robots.table import ROBOTS
 from offboard.bench.faults.scenarios import SCENARIOS, Scenario
 from offboard.bench.faults.strikes import Inject
 from offboard.bench.faults.table import Row, as_table, suffer
@@ -17,9 +18,10 @@ from offboard.bench.faults.table import Row, as_table, suffer
 ROWS = pytest.mark.parametrize(
     ("robot", "scenario"),
     [
-        pytest.param(robot, scenario, id=f"{robot}, {scenario.name}, {scenario.activity}")
+        pytest.param(robot.name, scenario, id=f"{robot.name}, {scenario.name}, {scenario.activity}")
         for scenario in SCENARIOS
-        for robot in scenario.robots
+        for robot in ROBOTS
+        if scenario.is_for(robot)
     ],
 )
 REFUSED = {

@@ -11,7 +11,7 @@ from koopman_lab.mpc.prediction import NominalPrediction
 from koopman_lab.mpc.receding_horizon import RecedingHorizon
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, make_solver
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.table import robot_type
 from offboard.controller.controller import Controller, Inputs, State
 from offboard.controller.estimate import Frame, WheelSpeeds
 from offboard.desk.interlock import Interlock
@@ -50,7 +50,7 @@ class Bench:
         rollout = Rollout(prediction, cost, horizon)
         self.solver = FailingSolver(solver, fails)
         optimiser = RecedingHorizon(self.solver, rollout, settings.u_max, settings.dt_s)
-        self.model, self.settings, self.goal = nominal_model(robot), settings, goal
+        self.model, self.settings, self.goal = robot_type(robot), settings, goal
         self.controller = Controller(config, optimiser, goal)
         self.x = np.array([*compose(goal, start), 0.0, 0.0][: self.model.state_dim])
         self.now_us = 1_000_000

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import Pose, Velocity, compose, wrap_angle
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.table import robot_type
 from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds, oldest_wheels_s
 
 FINITE = st.floats(-3.0, 3.0)
@@ -20,7 +20,7 @@ CONFIG = {robot: load_config(robot=robot) for robot in ("kinematic", "dynamic")}
 
 
 def make(robot="kinematic", goal=ORIGIN):
-    model = nominal_model(robot)
+    model = robot_type(robot)
     return StateEstimator(CONFIG[robot], goal, lambda x, u: model.step(x, u, 0.05))
 
 
@@ -63,7 +63,7 @@ def test_the_newest_usable_frame_counts():
 
 
 def test_between_measurements_the_model_goes_on_with_the_applied_inputs():
-    estimator, model = make(), nominal_model("kinematic")
+    estimator, model = make(), robot_type("kinematic")
     x = np.array([0.1, 0.2, 0.3])
     estimator.update([Frame(0, Pose(*x), True)], None, 0)
     assert estimator.is_measured

@@ -7,7 +7,7 @@ import pytest
 
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ConfigError
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.table import robot_type
 from offboard.reference.shapes import Shape, input_sequence, start_pose
 
 BOTH = list(itertools.product(["kinematic", "dynamic"], list(Shape)))
@@ -15,7 +15,7 @@ BOTH = list(itertools.product(["kinematic", "dynamic"], list(Shape)))
 
 def driven(config, shape):
     """Return the nominal states (T + 1, n) and the inputs (T, 2)."""
-    model, inputs = nominal_model(config.robot.kind), np.array(input_sequence(config, shape))
+    model, inputs = robot_type(config.robot.kind), np.array(input_sequence(config, shape))
     x = np.zeros(model.state_dim)
     x[:3] = start_pose(config, shape)
     states = [x]

@@ -10,7 +10,6 @@ import pytest
 from klab import KLAB, environment
 from plugin_package import install
 
-import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ConfigError, LabStateError, PluginError
@@ -20,6 +19,7 @@ from koopman_lab.robots.table import ROBOTS
 from offboard.desk.commander import Commands
 from offboard.reference.shapes import Shape, input_sequence
 from offboard.sampler.node import SamplerNode
+from onboard.motor_loop.command_arbiter import Command, Intent
 from onboard.motor_loop.node import OnboardNode
 
 STRUCT = """package omni_types;
@@ -171,7 +171,7 @@ def test_its_commands_go_out_on_a_channel_of_its_own(omni, message):
     (channel,) = [c for c in channels.all_channels() if c not in channels.CHANNELS]
     assert channels.split_name("R7_OMNI_CMD") == ("R7", channel)
     assert channel not in channels.wheel_command_channels()
-    commands = Commands(wire, load_config(robot="omni"), lcmtypes.velocity_command_t.CONTROLLER)
+    commands = Commands(wire, load_config(robot="omni"), "controller")
     commands.send((0.1, -0.2, 0.3), 5)
     commands.release(6)
     (name, first), (_, last) = wire.sent[-2:]
@@ -192,7 +192,7 @@ def test_a_channel_that_carries_another_message_is_refused(omni, message):
 @pytest.mark.usefixtures("omni")
 def test_without_a_message_nobody_commands_it():
     with pytest.raises(LabStateError, match=r"omni robot has no command message.*klab simulate"):
-        Commands(Wire(), load_config(robot="omni"), 1)
+        Commands(Wire(), load_config(robot="omni"), "controller")
 
 
 @pytest.mark.usefixtures("omni")
@@ -212,7 +212,9 @@ def test_another_robot_on_two_wheels_shares_channel_and_motor_loop():
         assert load_config(robot="slow").robot.kind == "slow"
         node = OnboardNode(load_config(robot="slow"))
         assert channels.all_channels() == channels.CHANNELS
-        assert node.loop.arbiter.holder == 0
+        node.loop.command(Command(0, 0, 1, Intent.BEGIN, 0.2, 0.0), 0)
+        node.loop.tick(0)
+        assert node.loop.setpoint.v > 0.0
     finally:
         ROBOTS.forget("slow")
 

@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from koopman_lab.geometry.planar import Pose, move_along_arc
-from koopman_lab.robots.nominal_model import DYNAMIC, KINEMATIC
+from koopman_lab.robots.dynamic import DYNAMIC
+from koopman_lab.robots.kinematic import KINEMATIC
 
 
 @given(
