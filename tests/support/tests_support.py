@@ -28,7 +28,7 @@ class Script:
 
     def attach(self, port):
         self._port = port
-        self._commands = Commands(port, self._config, 2)
+        self._commands = Commands(port, self._config, self.name)
         self.first_us = None
         port.subscribe(channels.MOTOR_CMD, lambda _: None)
         port.every(1.0 / self._config.controller.dt_s, self._tick)
