@@ -30,6 +30,8 @@ WIRE_FORMATS = {
     "float": "f", "double": "d", "boolean": "?",
 }  # fmt: skip
 """Of the types of a fixed size, in the letters of the module ``struct``."""
+NO_PLAIN_ARRAYS = {"byte", "boolean"}
+"""Arrays of these are not decoded as tuples of numbers."""
 CODEC = """
 # Of scripts/generate_types.py: all fields have a fixed size, so that one compiled struct writes
 # and reads the same bytes as the methods above in half the time.
@@ -46,8 +48,8 @@ def _decode(data):
     if data[:8] != _FINGERPRINT:
         raise ValueError("Decode error")
     self = {name}.__new__({name})
-    {fields} = _FIELDS.unpack_from(data, 8)
-    return self
+    {targets} = _FIELDS.unpack_from(data, 8)
+{arrays}    return self
 
 
 {name}.encode = _encode
@@ -90,14 +92,39 @@ def generate(sources: Path, target: Path) -> Path:
 def codec(generated: str) -> str:
     """Return what to append to one generated module; nothing if its messages vary in size."""
     struct_name, table = _class_table(generated)
-    typenames = table["__typenames__"]
-    if any(table["__dimensions__"]) or not WIRE_FORMATS.keys() >= set(typenames):
+    typenames, shapes = table["__typenames__"], table["__dimensions__"]
+    lengths = [_length(shape) for shape in shapes]
+    if None in lengths or not WIRE_FORMATS.keys() >= set(typenames):
         return ""
+    if any(n and t in NO_PLAIN_ARRAYS for n, t in zip(lengths, typenames, strict=True)):
+        return ""
+    formats, fields, targets, arrays = [], [], [], []
+    for field, typename, length in zip(table["__slots__"], typenames, lengths, strict=True):
+        letter = WIRE_FORMATS[typename]
+        if length:
+            formats.append(f"{length}{letter}")
+            fields.append(f"*self.{field}[:{length}]")
+            targets += [f"{field}_{k}" for k in range(length)]
+            values = "".join(f"{field}_{k}, " for k in range(length))
+            arrays.append(f"    self.{field} = ({values.rstrip()})\n")
+        else:
+            formats.append(letter)
+            fields.append(f"self.{field}")
+            targets.append(f"self.{field}")
     return CODEC.format(
         name=struct_name,
-        formats="".join(WIRE_FORMATS[t] for t in typenames),
-        fields=", ".join(f"self.{field}" for field in table["__slots__"]),
+        formats="".join(formats),
+        fields=", ".join(fields),
+        targets=", ".join(targets),
+        arrays="".join(arrays),
     )
+
+
+def _length(shape: list[Any] | None) -> int | None:
+    """Return the length of an array, 0 of what is none, None where it is not one fixed number."""
+    if not shape:
+        return 0
+    return shape[0] if len(shape) == 1 and isinstance(shape[0], int) else None
 
 
 def stub(generated: str) -> str:

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 
 def plain(message: Any) -> dict[str, Any]:
     """Return the fields of a message as JSON can hold them; what is no number becomes None."""
     return {name: _value(getattr(message, name)) for name in message.__slots__}
+
+
+def padded(values: Iterable[float], length: int) -> list[float]:
+    """Return numbers for a fixed array of a message, with zeros behind them."""
+    numbers = [float(value) for value in values]
+    return numbers + [0.0] * (length - len(numbers))
 
 
 def flat(values: dict[str, Any]) -> Iterator[tuple[str, Any]]:

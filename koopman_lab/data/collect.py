@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import Processing
-from koopman_lab.config.values import RobotKind
 from koopman_lab.data.processing import pair, states
 from koopman_lab.data.segments import Run, Segment
 from koopman_lab.errors import DataError
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.robot_type import RobotType
 from koopman_lab.units import US_PER_S
 
 LARGEST_RATE_ERROR = 0.1
@@ -37,7 +36,7 @@ class Collected(NamedTuple):
 
 def collect(
     segments: Sequence[Segment],
-    robot_kind: RobotKind,
+    robot: RobotType,
     settings: Processing,
     frame_rate_hz: float,
 ) -> Collected:
@@ -47,18 +46,18 @@ def collect(
     ----------
     segments
         From :func:`~koopman_lab.data.segments.cut`.
-    robot_kind
-        Which states.
+    robot
+        Whose states.
     settings
         Sampling time and window.
     frame_rate_hz
         Nominal rate of the cameras.
     """
-    n = nominal_model(robot_kind).state_dim
+    n = robot.state_dim
     X, Y, numbers, starts = [np.zeros((0, n))], [np.zeros((0, n))], [_NO_TIMES], [_NO_TIMES]
     lateral = [np.zeros(0)]
     for segment in segments:
-        of = states(segment, robot_kind, settings.smoothing_window)
+        of = states(segment, robot, settings.smoothing_window)
         found = pair(of, settings.dt_s, frame_rate_hz)
         X.append(found.X)
         Y.append(found.Y)

@@ -18,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.load import load_config
-from koopman_lab.config.values import RobotKind
 from koopman_lab.data.dataset import DataSet
-from koopman_lab.errors import DataError
+from koopman_lab.errors import ConfigError, DataError
 from koopman_lab.files import replacing, replacing_folder, write_json
 from koopman_lab.geometry.planar import TAU, wrap_angle
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.table import ROBOTS, robot_type
 
 Array = NDArray[np.float64]
 HEADER = "dataset.json"
@@ -69,7 +68,7 @@ def write_folder(dataset: DataSet, folder: Path) -> None:
 
 def read_folder(
     folder: Path,
-    robot_kind: RobotKind | None = None,
+    robot_kind: str | None = None,
     dt_s: float | None = None,
     basis_inputs: Mapping[int, Sequence[float]] | None = None,
 ) -> DataSet:
@@ -86,7 +85,7 @@ def read_folder(
         Whose states, and the time from X to Y (s); needed where the folder does not say them.
     basis_inputs
         In place of those the folder says, or else of those of the paper, by index. Files of i = 0
-        may be there or not for the kinematic robot, and are of zero input.
+        may be there or not for a robot without drift, and are of zero input.
 
     Raises
     ------
@@ -99,12 +98,13 @@ def read_folder(
     for said, flag, given in (("robot_kind", "--robot", robot_kind), ("dt_s", "--dt", dt_s)):
         if given is not None and said in header and header[said] != given:
             raise DataError(f"{folder}: is of {flag} {header[said]}, not {given}; leave out {flag}")
-    kind: RobotKind | None = header.get("robot_kind", robot_kind)
+    kind: str | None = header.get("robot_kind", robot_kind)
     dt_s = header.get("dt_s", dt_s)
     if kind is None or dt_s is None:
         raise DataError(
-            f"{folder}: does not say its robot and sampling time; say --robot kinematic or "
-            "--robot dynamic, and --dt with the seconds from X to Y"
+            f"{folder}: does not say its robot and sampling time; say "
+            f"{' or '.join(f'--robot {name}' for name in ROBOTS.names())}, and --dt with the "
+            "seconds from X to Y"
         )
     if not 0.0 < dt_s < float("inf"):
         raise DataError(f"{folder}: sampling time {dt_s} s; say the seconds from X to Y with --dt")
@@ -148,23 +148,24 @@ def _header(folder: Path) -> dict[str, Any]:
         return {}
     try:
         header = json.loads(path.read_text())
-        inputs = {int(i): (float(u), float(w)) for i, (u, w) in header["basis_inputs"].items()}
-        if header["robot_kind"] not in ("kinematic", "dynamic"):
-            raise ValueError
+        inputs = {int(i): tuple(map(float, u)) for i, u in header["basis_inputs"].items()}
+        robot_type(header["robot_kind"])
         found = {"dt_s": float(header["dt_s"]), "metadata": dict(header["metadata"])}
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         raise DataError(f"{path}: damaged; remove it, and say --robot and --dt instead") from None
+    except ConfigError as error:
+        raise DataError(f"{path}: {error}") from None
     return found | {"robot_kind": header["robot_kind"], "basis_inputs": inputs}
 
 
 def _inputs(
-    folder: Path, kind: RobotKind, said: Mapping[int, Sequence[float]] | None
+    folder: Path, kind: str, said: Mapping[int, Sequence[float]] | None
 ) -> dict[int, Sequence[float]]:
     """Return the basis inputs by index, after a look at which files there are."""
     inputs = dict(said or load_config(robot=kind).sampler.indexed_inputs)
     names = {entry.name for entry in folder.iterdir() if _NAME.fullmatch(entry.name)}
     if 0 not in inputs and "X_0.dat" in names:
-        inputs = {0: (0.0, 0.0)} | inputs
+        inputs = {0: (0.0,) * robot_type(kind).input_dim} | inputs
     wanted = {f"{letter}_{index}.dat" for index in inputs for letter in "XY"}
     for trouble, those in (("lacks", wanted - names), ("has no basis input for", names - wanted)):
         if those:
@@ -198,10 +199,10 @@ def _read(path: Path) -> Array:
 
 
 def _as_rows(
-    folder: Path, files: Mapping[tuple[str, int], Array], kind: RobotKind, *, known: bool
+    folder: Path, files: Mapping[tuple[str, int], Array], kind: str, *, known: bool
 ) -> dict[tuple[str, int], Array]:
     """Return every table with a state in each row (d, n); where that is ``known`` it must be so."""
-    names = nominal_model(kind).state_names
+    names = robot_type(kind).state_names
     n = len(names)
     filled = {key: table for key, table in files.items() if table.size}
     rows = all(table.shape[1] == n for table in filled.values())

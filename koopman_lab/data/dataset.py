@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.config.values import RobotKind
 from koopman_lab.data.collect import collect
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.recording import recording
-from koopman_lab.errors import DataError
+from koopman_lab.errors import ConfigError, DataError
 from koopman_lab.files import replacing
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.robot_type import RobotType
+from koopman_lab.robots.table import robot_type
 
 FORMAT = 1
 """Version of the file; raised when its meaning changes."""
@@ -35,19 +35,19 @@ class DataSet:
     Attributes
     ----------
     X, Y
-        By basis index: states (d, n), and the states (d, n) dt later; m, m, rad and, for the
-        second-order robot, m/s, rad/s. Angles of X lie in (-pi, pi], those of Y go on from there.
+        By basis index: states (d, n), and the states (d, n) dt later, in the units of the robot's
+        states. Angles of X lie in (-pi, pi], those of Y go on from there.
     segments
         By basis index: number of the run each pair is from (d,).
     start_us
         By basis index: utime of each state in X (d,) in us.
     basis_inputs
-        By basis index: the input (2,) in m/s, rad/s or m/s^2, rad/s^2. An index that is not here
-        was not meant to be sampled.
+        By basis index: the input (m,) in the units of the robot's inputs. An index that is not
+        here was not meant to be sampled.
     dt_s
         Sampling time (s).
     robot_kind
-        Which states and inputs.
+        Whose states and inputs: the robot's name.
     metadata
         How the data were made; JSON.
 
@@ -55,6 +55,8 @@ class DataSet:
     ------
     DataError
         If the arrays do not fit together.
+    ConfigError
+        If there is no such robot; the message lists the known ones.
     """
 
     X: dict[int, NDArray[np.float64]]
@@ -63,11 +65,11 @@ class DataSet:
     start_us: dict[int, NDArray[np.int64]]
     basis_inputs: dict[int, NDArray[np.float64]]
     dt_s: float
-    robot_kind: RobotKind
+    robot_kind: str
     metadata: Mapping[str, Any]
 
     def __post_init__(self) -> None:
-        n = nominal_model(self.robot_kind).state_dim
+        n, m = self.robot.state_dim, self.robot.input_dim
         for name, table in self._tables():
             if table.keys() != self.basis_inputs.keys():
                 raise DataError(
@@ -76,13 +78,18 @@ class DataSet:
                 )
             for index, array in table.items():
                 samples = len(self.X[index])
-                columns = {"X": (samples, n), "Y": (samples, n), "basis_inputs": (2,)}
+                columns = {"X": (samples, n), "Y": (samples, n), "basis_inputs": (m,)}
                 expected = columns.get(name, (samples,))
                 if array.shape != expected:
                     raise DataError(
                         f"data set of the {self.robot_kind} robot: {name} of basis input {index} "
                         f"has shape {array.shape}, expected {expected}"
                     )
+
+    @property
+    def robot(self) -> RobotType:
+        """Return whose states and inputs these are."""
+        return robot_type(self.robot_kind)
 
     @property
     def data_hash(self) -> str:
@@ -142,7 +149,10 @@ class DataSet:
             raise DataError(f"{path}: no such data set; {_REMEDY}") from None
         except _DAMAGED:
             raise DataError(f"{path}: damaged, or not a data set; {_REMEDY}") from None
-        return cls(**content)
+        try:
+            return cls(**content)
+        except ConfigError as error:
+            raise DataError(f"{path}: {error}") from None
 
     @classmethod
     def from_log(
@@ -187,7 +197,7 @@ class DataSet:
         lab, settings = recorded.config, recorded.settings
         rate_hz, inputs = lab.mocap.rate_hz, lab.sampler.indexed_inputs
         found = {
-            index: collect(recorded.of(index), lab.robot.kind, settings, rate_hz)
+            index: collect(recorded.of(index), robot_type(lab.robot.kind), settings, rate_hz)
             for index in inputs
         }
         metadata = {

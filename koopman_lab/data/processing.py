@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.values import RobotKind
 from koopman_lab.data.segments import Segment
+from koopman_lab.errors import DataError
 from koopman_lab.geometry.planar import TAU
+from koopman_lab.robots.robot_type import POSE_DIM, RobotType
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]
@@ -26,9 +27,9 @@ MULTIPLE_TOLERANCE = 0.01
 class States(NamedTuple):
     """The states of a segment.
 
-    ``utime_us`` (k,) in us; ``x`` (k, n) in m, m, rad and, for the second-order robot, m/s, rad/s,
-    the angle continued without jumps; ``lateral`` (k,) in m/s, the sideways velocity that the
-    nominal robot cannot have (empty for the kinematic robot, which needs no velocities).
+    ``utime_us`` (k,) in us; ``x`` (k, n) in the units of the robot's states, the angle continued
+    without jumps; ``lateral`` (k,) in m/s, the sideways velocity that a robot on wheels cannot have
+    (empty for robots whose states are the pose alone, which need no velocities).
     """
 
     utime_us: Times
@@ -44,8 +45,8 @@ class Pairs(NamedTuple):
     start_us: Times
 
 
-def states(segment: Segment, robot_kind: RobotKind, window: int) -> States:
-    """Return the states of a segment; for the second-order robot with smoothed velocities.
+def states(segment: Segment, robot: RobotType, window: int) -> States:
+    """Return the states of a segment; with smoothed velocities where the robot's states hold them.
 
     Positions and angles are never smoothed. Frames whose velocity would need frames outside the
     segment are left out: one at each end for the difference and :func:`margin` for the average.
@@ -54,21 +55,39 @@ def states(segment: Segment, robot_kind: RobotKind, window: int) -> States:
     ----------
     segment
         Poses of a run.
-    robot_kind
-        Which states there are.
+    robot
+        Whose states: the pose, or the pose and the body velocity (v, omega).
     window
-        Of the moving average, in frames; the kinematic robot ignores it.
+        Of the moving average, in frames; poses alone ignore it.
+
+    Raises
+    ------
+    DataError
+        If the robot has states that are neither.
     """
+    _require_seen(robot)
     poses = segment.poses.copy()
     poses[:, 2] = np.unwrap(poses[:, 2])
-    if robot_kind == "kinematic":
+    if not robot.speeds_at:
         return States(segment.utime_us, poses, np.zeros(0))
     if len(poses) < 3 + 2 * margin(window):
-        return States(np.zeros(0, np.int64), np.zeros((0, 5)), np.zeros(0))
+        return States(np.zeros(0, np.int64), np.zeros((0, robot.state_dim)), np.zeros(0))
     velocities = moving_average(body_velocities(segment.utime_us, poses), window)
     kept = slice(1 + margin(window), len(poses) - 1 - margin(window))
-    x = np.column_stack([poses[kept], velocities[:, 0], velocities[:, 2]])
+    x = np.empty((len(velocities), robot.state_dim))
+    x[:, :POSE_DIM], x[:, list(robot.speeds_at)] = poses[kept], velocities[:, [0, 2]]
     return States(segment.utime_us[kept], x, velocities[:, 1])
+
+
+def _require_seen(robot: RobotType) -> None:
+    """Refuse a robot with states that poses do not tell."""
+    seen = {*range(POSE_DIM), *robot.speeds_at}
+    unseen = [name for index, name in enumerate(robot.state_names) if index not in seen]
+    if unseen:
+        raise DataError(
+            f"robot {robot.name}: the cameras do not tell its states {', '.join(unseen)}; data "
+            "sets are made of poses and of the body velocity (speeds_at of its description)"
+        )
 
 
 def body_velocities(utime_us: Times, poses: Array) -> Array:

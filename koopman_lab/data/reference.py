@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 import lcmtypes
 from koopman_lab.bus.channels import MOCAP_POSE, REFERENCE_STATE
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.config.values import RobotKind
 from koopman_lab.data.collect import check_frames
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.marker import without_offset
@@ -22,7 +21,8 @@ from koopman_lab.data.processing import margin, states
 from koopman_lab.data.segments import Run, cut, in_time
 from koopman_lab.errors import DataError
 from koopman_lab.geometry.planar import ORIGIN, Pose
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.robot_type import RobotType
+from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 
 LATE = 1.1
@@ -47,12 +47,12 @@ class Trajectory(NamedTuple):
     utime_us
         Times of the states (k,) in us, ascending; where frames were lost, states are missing.
     x
-        States (k, n): m, m, rad and, for the second-order robot, m/s, rad/s.
+        States (k, n) in the units of the robot's states.
     command_us
-        Times of the inputs (m,) in us; each is held until the next.
+        Times of the inputs (c,) in us; each is held until the next.
     inputs
-        Inputs (m, 2) as logged. The second-order robot obeys a command for no longer than its
-        control interval: where the next one came late, zero stands in between.
+        Inputs (c, m) as logged. A robot with drift obeys a command for no longer than its control
+        interval: where the next one came late, zero stands in between.
     """
 
     number: int
@@ -95,6 +95,11 @@ class ReferenceRuns:
     start: NDArray[np.float64]
     trajectories: Callable[[Pose], list[Trajectory]]
 
+    @property
+    def robot(self) -> RobotType:
+        """Return the robot that drove."""
+        return robot_type(self.config.robot.kind)
+
 
 def reference_runs(log: SessionLog, window: int | None = None) -> ReferenceRuns:
     """Read the complete runs of a session that `klab reference` recorded.
@@ -132,7 +137,7 @@ def reference_runs(log: SessionLog, window: int | None = None) -> ReferenceRuns:
     frames, rate_hz = log.array(MOCAP_POSE), config.mocap.rate_hz
     check_frames(f"{log.path}, {MOCAP_POSE.name(log.robot_name)}", frames["utime"], rate_hz)
     first = driven[0][0]
-    start = np.zeros(nominal_model(config.robot.kind).state_dim)
+    start = np.zeros(robot_type(config.robot.kind).state_dim)
     start[:3] = first["start_x1_m"], first["start_x2_m"], first["start_theta_rad"]
 
     def trajectories(offset: Pose) -> list[Trajectory]:
@@ -161,36 +166,35 @@ def _trajectory(
     window: int,
     offset: Pose,
 ) -> Trajectory:
-    interval_us = round(config.controller.dt_s * US_PER_S)
-    command_us, inputs = _held(driven, interval_us, config.robot.kind)
+    interval_us, robot = round(config.controller.dt_s * US_PER_S), robot_type(config.robot.kind)
+    command_us, inputs = _held(driven, interval_us, robot)
     start_us, end_us = int(driven["utime"][0]), int(driven["utime"][-1]) + interval_us
     rate_hz = config.mocap.rate_hz
     # The robot stands before and after, so that the first and the last state have whole windows.
     around_us = round((margin(window) + 2) / rate_hz * US_PER_S)
-    run = Run(number, NO_BASIS, (0.0, 0.0), start_us - around_us, end_us + around_us)
+    run = Run(number, NO_BASIS, (), start_us - around_us, end_us + around_us)
     segments = cut([run], frames, frame_rate_hz=rate_hz)
     if offset != ORIGIN:
         segments = [s._replace(poses=without_offset(s.poses, offset)) for s in segments]
-    pieces = [states(segment, config.robot.kind, window) for segment in segments]
-    n = nominal_model(config.robot.kind).state_dim
+    pieces = [states(segment, robot, window) for segment in segments]
     return Trajectory(
         number,
         start_us,
         end_us,
         np.concatenate([np.zeros(0, np.int64), *(piece.utime_us for piece in pieces)]),
-        np.concatenate([np.zeros((0, n)), *(piece.x for piece in pieces)]),
+        np.concatenate([np.zeros((0, robot.state_dim)), *(piece.x for piece in pieces)]),
         command_us,
         inputs,
     )
 
 
 def _held(
-    driven: StructuredArray, interval_us: int, kind: RobotKind
+    driven: StructuredArray, interval_us: int, robot: RobotType
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return times (m,) and inputs (m, 2), each in effect until the next."""
+    """Return times (c,) and inputs (c, m), each in effect until the next."""
     command_us = driven["utime"].astype(np.int64)
-    inputs = np.column_stack([driven["u1"], driven["u2"]])
-    if kind == "kinematic":
+    inputs = driven["u"][:, : robot.input_dim]
+    if not robot.drifts:
         return command_us, inputs
     late = np.flatnonzero(np.diff(command_us) > LATE * interval_us)
     ends_us = command_us[late] + interval_us
@@ -200,14 +204,14 @@ def _held(
 def mean_inputs(
     trajectory: Trajectory, since_us: NDArray[np.float64], dt_us: float
 ) -> NDArray[np.float64]:
-    """Return the means (..., 2) of the held inputs over intervals of ``dt_us``.
+    """Return the means (..., m) of the held inputs over intervals of ``dt_us``.
 
     ``since_us`` (...) in us are their beginnings, counted from the start of the run. The mean of
     an interval that begins with a command is the command. Outside the run inputs are zero.
     """
     edges = np.append(trajectory.command_us, trajectory.end_us) - trajectory.start_us
     steps = np.diff(edges)[:, None] * trajectory.inputs
-    integral = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    integral = np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
 
     def up_to(times: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.stack([np.interp(times, edges, column) for column in integral.T], axis=-1)

@@ -22,13 +22,13 @@ LONGEST_STEP = 1.5
 class Run(NamedTuple):
     """One stretch of a phase of the sampler, as a rule one application of a basis input.
 
-    ``number`` counts those of a log from 0; ``u`` is the input (m/s and rad/s, or m/s^2 and
-    rad/s^2) at ``start_us``, a basis input until ``end_us`` (us).
+    ``number`` counts those of a log from 0; ``u`` is the input, in the units of the robot's inputs,
+    at ``start_us``, a basis input until ``end_us`` (us).
     """
 
     number: int
     basis_index: int
-    u: tuple[float, float]
+    u: tuple[float, ...]
     start_us: int
     end_us: int
 
@@ -98,7 +98,7 @@ def phase_runs(states: StructuredArray, phase: int) -> list[Run]:
         first, last = states[start], states[stop - 1]
         ends_seen = stop < len(states) and states["sequence"][stop] == last["sequence"] + 1
         end_us = states["utime"][stop] if ends_seen else last["utime"]
-        u = (float(first["u1"]), float(first["u2"]))
+        u = tuple(first["u"][: first["inputs"]].tolist())
         index = int(first["basis_index"])
         runs.append(Run(len(runs), index, u, int(first["utime"]), int(end_us)))
     return runs

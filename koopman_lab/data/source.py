@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from koopman_lab.config.load import load_config
-from koopman_lab.config.values import RobotKind
 from koopman_lab.data.dat import is_folder, read_folder
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.decode import SessionLog
@@ -33,7 +32,7 @@ class Source(NamedTuple):
 def open_source(
     path: Path,
     *,
-    robot_kind: RobotKind | None = None,
+    robot_kind: str | None = None,
     dt_s: float | None = None,
     window: int | None = None,
     salvage: bool = False,
@@ -83,7 +82,7 @@ def window_of(dataset: DataSet) -> int | None:
 def _check(
     path: Path,
     dataset: DataSet,
-    robot_kind: RobotKind | None,
+    robot_kind: str | None,
     dt_s: float | None,
     window: int | None,
 ) -> None:

@@ -13,15 +13,14 @@ from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.koopman.excitation import excitation
 from koopman_lab.koopman.moments import Moments
 from koopman_lab.koopman.samples import add_samples, samples
-from koopman_lab.robots.nominal_model import nominal_model
 
 
 def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:
     """Return facts about a data set as JSON can hold them.
 
     For each basis input: its value, the number of pairs and runs, the smallest and the largest
-    value of each state (m, m, rad and, for the second-order robot, m/s, rad/s), the number of
-    successors whose angle lies outside (-pi, pi], and the
+    value of each state, in its unit, the number of successors whose angle lies outside (-pi, pi],
+    and the
     :class:`~koopman_lab.koopman.excitation.Excitation` of the dictionary.
 
     Raises
@@ -30,7 +29,7 @@ def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:
         If there is no such dictionary for the robot.
     """
     observables = dictionary(dictionary_name, dataset.robot_kind)
-    names = nominal_model(dataset.robot_kind).state_names
+    names = dataset.robot.state_names
     bases = {}
     for index, u in sorted(dataset.basis_inputs.items()):
         X, Y = dataset.X[index], dataset.Y[index]

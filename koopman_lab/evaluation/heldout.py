@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.time_shift import shifted_pairs
-from koopman_lab.evaluation.metrics import Errors, deviations, summary
+from koopman_lab.evaluation.metrics import Errors, deviations, measures, summary
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.units import US_PER_S
 
@@ -60,14 +60,14 @@ def errors(model: BilinearModel, dataset: DataSet, steps: int) -> Errors | None:
     steps
         How far ahead, at least 1.
     """
-    found = [np.zeros((0, max(2, model.state_dim - 1)))]
+    found = [np.zeros((0, len(measures(model.robot))))]
     for index, u in dataset.basis_inputs.items():
         starts, ends = _matched(dataset, index, steps)
         if not len(starts):
             continue
         x0, x_end = dataset.X[index][starts], dataset.Y[index][ends]
-        inputs = np.broadcast_to(u, (len(x0), steps, 2))
-        found.append(deviations(model.predict(x0, inputs)[:, -1], x_end))
+        inputs = np.broadcast_to(u, (len(x0), steps, len(u)))
+        found.append(deviations(model.predict(x0, inputs)[:, -1], x_end, model.robot))
     return summary(np.concatenate(found), steps)
 
 

@@ -4,21 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.values import RobotKind
 from koopman_lab.geometry.planar import wrap_angle
 from koopman_lab.koopman.bilinear_model import BilinearModel
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.robot_type import RobotType
 
 Array = NDArray[np.float64]
 Predict = Callable[[Array, Array], Array]
-"""From states (N, n) and inputs (N, H, 2) to the states (N, H + 1, n), the first ones included."""
+"""From states (N, n) and inputs (N, H, m) to the states (N, H + 1, n), the first ones included."""
 
 AT_ONCE = 4096
 """Predictions made in one go; more need more memory and take no less time."""
+
+
+class Measure(NamedTuple):
+    """What a deviation is of.
+
+    ``column`` is its name in tables; ``unit`` is what a person reads it in, ``factor`` of which
+    make one of the SI unit.
+    """
+
+    name: str
+    column: str
+    factor: float
+    unit: str
+
+
+MEASURES = (
+    Measure("position", "position_m", 1e3, "mm"),
+    Measure("angle", "angle_rad", 180.0 / np.pi, "deg"),
+    Measure("v", "v_m_per_s", 1e3, "mm/s"),
+    Measure("omega", "omega_rad_per_s", 180.0 / np.pi, "deg/s"),
+)
 
 
 @dataclass(frozen=True)
@@ -26,7 +47,8 @@ class Errors:
     """Of predictions ``steps`` sampling times ahead, from ``starts`` states.
 
     For the distance (m), the difference of the angle (rad), and those of v (m/s) and omega
-    (rad/s): mean, median, 95th percentile, and maximum. None for what the kinematic robot lacks.
+    (rad/s): mean, median, 95th percentile, and maximum. None for v and omega of robots whose state
+    does not hold them.
     """
 
     steps: int
@@ -58,7 +80,7 @@ class Starts:
     x0
         States (N, n) that predictions start from, angles in (-pi, pi].
     inputs
-        Inputs (N, H, 2) of the sampling times after each.
+        Inputs (N, H, m) of the sampling times after each.
     truth
         States (N, H, n) at the end of those; NaN where none was measured.
     run
@@ -84,36 +106,49 @@ def by_model(model: BilinearModel, *, reproject: bool = True) -> Predict:
     return lambda x0, inputs: model.predict(x0, inputs, reproject=reproject)
 
 
-def by_nominal(kind: RobotKind, dt_s: float) -> Predict:
+def by_nominal(robot: RobotType, dt_s: float) -> Predict:
     """Return the predictions of the nominal equations."""
-    nominal = nominal_model(kind)
 
     def predict(x0: Array, inputs: Array) -> Array:
         states = [x0]
         for k in range(inputs.shape[1]):
-            states.append(nominal.step(states[-1], inputs[:, k], dt_s))
+            states.append(robot.step(states[-1], inputs[:, k], dt_s))
         return np.stack(states, axis=1)
 
     return predict
 
 
-def deviations(predicted: Array, true: Array) -> Array:
-    """Return distances and absolute differences of angle, v and omega, (..., 2) or (..., 4)."""
+def measures(robot: RobotType) -> tuple[Measure, ...]:
+    """Return what the deviations of a robot are of: its pose, and v and omega if it has them."""
+    return MEASURES[: 2 + len(robot.speeds_at)]
+
+
+def deviations(predicted: Array, true: Array, robot: RobotType) -> Array:
+    """Return distances and absolute differences of angle, v and omega, (..., 2) or (..., 4).
+
+    Parameters
+    ----------
+    predicted, true
+        States (..., n).
+    robot
+        Whose states; v and omega count where they hold them.
+    """
     off = predicted - true
     distance, angle = np.hypot(off[..., 0], off[..., 1]), np.abs(wrap_angle(off[..., 2]))
-    return np.concatenate([np.stack([distance, angle], axis=-1), np.abs(off[..., 3:])], axis=-1)
+    speeds = np.abs(off[..., list(robot.speeds_at)])
+    return np.concatenate([np.stack([distance, angle], axis=-1), speeds], axis=-1)
 
 
-def rolling(predict: Predict, starts: Starts) -> Array:
+def rolling(predict: Predict, starts: Starts, robot: RobotType) -> Array:
     """Return the deviations (N, H, 2 or 4) of predictions from all states along trajectories.
 
     NaN where the truth is not known.
     """
-    found = [np.zeros((0, starts.horizon, max(2, starts.x0.shape[1] - 1)))]
+    found = [np.zeros((0, starts.horizon, len(measures(robot))))]
     for begin in range(0, len(starts.x0), AT_ONCE):
         part = slice(begin, begin + AT_ONCE)
         predicted = predict(starts.x0[part], starts.inputs[part])
-        found.append(deviations(predicted[:, 1:], starts.truth[part]))
+        found.append(deviations(predicted[:, 1:], starts.truth[part], robot))
     return np.concatenate(found)
 
 

@@ -10,6 +10,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.decode import SessionLog
@@ -19,6 +21,7 @@ from koopman_lab.evaluation.metrics import Errors
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.samples import Estimator
 from koopman_lab.koopman.train import Method, train
+from koopman_lab.robots.table import ROBOTS, robot_type
 
 STEPS = 20
 """The paper's horizon of the multi-step errors."""
@@ -62,12 +65,21 @@ class SweepRow:
 def known_entries(config: LabConfig, observables: Sequence[str]) -> list[Entry]:
     """Return the entries to look at that a dictionary with these observables has."""
     dt_s, inputs = config.processing.dt_s, config.sampler.indexed_inputs
+    robot = robot_type(config.robot.kind)
+    v, omega = (robot.state_names[index] for index in robot.speeds_at)
+    rest = np.zeros(robot.state_dim)
     entries = [
-        Entry(0, "v", "v", 1.0),
-        Entry(0, "omega", "omega", 1.0),
-        Entry(0, "theta", "omega", dt_s),
-        Entry(1, "v", "1", inputs[1][0] * dt_s),
-        Entry(2, "omega", "1", inputs[2][1] * dt_s),
+        Entry(0, v, v, 1.0),
+        Entry(0, omega, omega, 1.0),
+        Entry(0, "theta", omega, dt_s),
+        *(
+            Entry(
+                i, robot.state_names[index], "1", float(robot.step(rest, np.array(u), dt_s)[index])
+            )
+            for i, u in inputs.items()
+            for index in robot.speeds_at
+            if i
+        ),
     ]
     return [e for e in entries if e.row in observables and e.column in observables and e.nominal]
 
@@ -86,7 +98,7 @@ def sweep(
     Parameters
     ----------
     log
-        A calibration session of the second-order robot.
+        A calibration session of a robot whose state holds its speeds.
     windows
         In frames.
     dictionary
@@ -97,13 +109,14 @@ def sweep(
     Raises
     ------
     LabError
-        If the session cannot be used, or is of the kinematic robot.
+        If the session cannot be used, or is of a robot whose states are the pose alone.
     """
     config = log.config()
-    if config.robot.kind == "kinematic":
+    if not robot_type(config.robot.kind).speeds_at:
+        others = " or ".join(robot.name for robot in ROBOTS if robot.speeds_at)
         raise DataError(
-            f"{log.path}: the kinematic robot has no velocities among its states, so no window "
-            "changes its fit; give a session of `klab calibrate --robot dynamic`"
+            f"{log.path}: the {config.robot.kind} robot has no velocities among its states, so no "
+            f"window changes its fit; give a session of `klab calibrate --robot {others}`"
         )
     whole = DataSet.from_log(log, config)
     runs = held_out_runs(whole)

@@ -110,7 +110,7 @@ def predictors(models: Mapping[str, BilinearModel]) -> list[Predictor]:
         for reproject in (True, False)
     ]
     first = next(iter(models.values()))
-    nominal = by_nominal(first.robot_kind, common_dt_s(models))
+    nominal = by_nominal(first.robot, common_dt_s(models))
     return [*found, Predictor(NOMINAL, nominal, marker_offset=first.marker_offset)]
 
 
@@ -162,7 +162,7 @@ def validate(
             predictor.label,
             predictor.dictionary,
             predictor.reprojection,
-            per_step(rolling(predictor.predict, starts[predictor.marker_offset])),
+            per_step(rolling(predictor.predict, starts[predictor.marker_offset], runs.robot)),
         )
 
 

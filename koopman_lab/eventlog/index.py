@@ -23,6 +23,7 @@ from koopman_lab.eventlog.eventlog import (
     scan,
 )
 from koopman_lab.eventlog.message_blocks import Indices, Messages, take
+from koopman_lab.eventlog.older_layouts import present_messages
 
 _HEADER = np.dtype(
     [("sync", ">u4"), ("number", ">i8"), ("time", ">i8"), ("name", ">u4"), ("data", ">u4")]
@@ -38,6 +39,9 @@ def index_files(
 ) -> dict[str, Messages]:
     """Return the messages of a log that may go on in several files; see :func:`index_log`.
 
+    Messages of older layouts come in those of today
+    (:mod:`~koopman_lab.eventlog.older_layouts`).
+
     Raises
     ------
     LogError
@@ -48,6 +52,11 @@ def index_files(
         index_log(file, log, salvage=salvage, damage=damage)
         for file, log in zip(files, logs, strict=True)
     ]
+    return {name: present_messages(m) for name, m in _together(logs, indexes).items()}
+
+
+def _together(logs: Sequence[bytes], indexes: Sequence[dict[str, Messages]]) -> dict[str, Messages]:
+    """Return by channel the messages of all files."""
     if len(indexes) == 1:
         return indexes[0]
     block, begin = b"".join(logs), 0

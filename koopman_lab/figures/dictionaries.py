@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from koopman_lab.data.reference import ReferenceRuns, Trajectory, mean_inputs
-from koopman_lab.evaluation.metrics import along, rolling
+from koopman_lab.evaluation.metrics import MEASURES, along, measures, rolling
 from koopman_lab.evaluation.validation import NOMINAL, common_dt_s, predictors, starts_by_offset
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
@@ -25,7 +25,6 @@ MARGIN_M = 0.25
 """Around what the robot drove; predictions may leave the picture."""
 DRIVEN = "driven"
 """In the table of paths: the average of the runs."""
-UNITS = ((1e3, "mm"), (180.0 / np.pi, "deg"), (1e3, "mm/s"), (180.0 / np.pi, "deg/s"))
 
 
 class OpenLoop(NamedTuple):
@@ -37,7 +36,7 @@ class OpenLoop(NamedTuple):
         States (T + 1, n) predicted from the nominal start with the inputs of a whole run.
     time_s, one_step
         Times (B,) in s along the runs, and there the one-step errors (B, 2 or 4), averaged over
-        the runs: m, rad and, for the second-order robot, m/s, rad/s.
+        the runs: m, rad and, for robots whose state holds v and omega, m/s, rad/s.
     """
 
     path: Array
@@ -58,7 +57,7 @@ def open_loop(models: Mapping[str, BilinearModel], runs: ReferenceRuns) -> dict[
     for predictor in wanted:
         of = starts[predictor.marker_offset]
         path = predictor.predict(runs.start[None], inputs[None])[0]
-        time_s, mean, _ = along(rolling(predictor.predict, of), of, dt_s)
+        time_s, mean, _ = along(rolling(predictor.predict, of, runs.robot), of, dt_s)
         found[predictor.model] = OpenLoop(path, time_s, mean[:, 0])
     return found
 
@@ -109,7 +108,7 @@ def draw_dictionaries(
         _draw_plane(plane, runs.shape, trajectories, found)
         for k, (axes, name) in enumerate(((translation, "position"), (rotation, "angle"))):
             _draw_errors(axes, found, k)
-            axes.set(xlabel="time (s)", ylabel=f"one-step error, {name} ({UNITS[k][1]})")
+            axes.set(xlabel="time (s)", ylabel=f"one-step error, {name} ({MEASURES[k].unit})")
         driven = averaged(trajectories, dt_s).tolist()
         paths += [(runs.shape, DRIVEN, k * dt_s, *x) for k, x in enumerate(driven)]
         for name, of in found.items():
@@ -119,10 +118,10 @@ def draw_dictionaries(
     handles, labels = columns[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), fontsize="small")
     save(figure, stem)
-    n = len(sessions[0].start)
-    states = ("x1_m", "x2_m", "theta_rad", "v_m_per_s", "omega_rad_per_s")[:n]
+    robot = sessions[0].robot
+    states = [state.column for state in robot.states]
     write_csv(_beside(stem, "paths"), ("shape", "model", "time_s", *states), paths)
-    measured = ("position_m", "angle_rad", "v_m_per_s", "omega_rad_per_s")[: n - 1]
+    measured = [measure.column for measure in measures(robot)]
     write_csv(_beside(stem, "one-step"), ("shape", "model", "time_s", *measured), errors)
 
 
@@ -148,12 +147,14 @@ def _draw_errors(axes: Axes, found: Mapping[str, OpenLoop], which: int) -> None:
     fast = axes.twinx() if found[NOMINAL].one_step.shape[1] > 2 else None
     for k, (name, of) in enumerate(found.items()):
         colour = _colour(name, k)
-        axes.plot(of.time_s, UNITS[which][0] * of.one_step[:, which], color=colour, linewidth=0.9)
+        axes.plot(
+            of.time_s, MEASURES[which].factor * of.one_step[:, which], color=colour, linewidth=0.9
+        )
         if fast is not None:
-            factor, unit = UNITS[which + 2]
-            values = factor * of.one_step[:, which + 2]
+            speed = MEASURES[which + 2]
+            values = speed.factor * of.one_step[:, which + 2]
             fast.plot(of.time_s, values, ":", color=colour, linewidth=0.7)
-            fast.set(ylabel=f"velocity ({unit}), dotted", yscale="log")
+            fast.set(ylabel=f"velocity ({speed.unit}), dotted", yscale="log")
     axes.set(yscale="log")
     axes.grid(visible=True)
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from koopman_lab.data.reference import ReferenceRuns
-from koopman_lab.evaluation.metrics import along, rolling
+from koopman_lab.evaluation.metrics import MEASURES, along, rolling
 from koopman_lab.evaluation.rolling import starts_along
 from koopman_lab.evaluation.validation import predictors
 from koopman_lab.figures.canvas import new_figure, save
@@ -20,13 +20,6 @@ from koopman_lab.koopman.bilinear_model import BilinearModel
 
 COLOURS = ("tab:blue", "tab:red", "black")
 """With reprojection, without, nominal: those of the paper."""
-ROWS = (
-    ("position", 1e3, "mm"),
-    ("angle", 180.0 / np.pi, "deg"),
-    ("v", 1e3, "mm/s"),
-    ("omega", 180.0 / np.pi, "deg/s"),
-)
-MEASURED = ("position_m", "angle_rad", "v_m_per_s", "omega_rad_per_s")
 FAINTEST = 0.15
 """Opacity of one step; that of the last one is 1."""
 
@@ -35,7 +28,7 @@ class MultiStep(NamedTuple):
     """Errors of one predictor along the runs.
 
     ``time_s`` (B,) of the starts, ``mean`` and ``largest`` (B, H, 2 or 4) over all runs: m, rad
-    and, for the second-order robot, m/s, rad/s.
+    and, for robots whose state holds v and omega, m/s, rad/s.
     """
 
     reprojection: bool | None
@@ -51,7 +44,9 @@ def multi_step(
     trajectories = runs.trajectories(model.marker_offset)
     starts = starts_along(trajectories, steps, model.dt_s, runs.config.mocap.rate_hz)
     return {
-        p.label: MultiStep(p.reprojection, *along(rolling(p.predict, starts), starts, model.dt_s))
+        p.label: MultiStep(
+            p.reprojection, *along(rolling(p.predict, starts, model.robot), starts, model.dt_s)
+        )
         for p in predictors({name: model})
     }
 
@@ -75,7 +70,7 @@ def draw_multi_step(stem: Path, found: Mapping[str, MultiStep], title: str) -> N
     measured = next(iter(found.values())).mean.shape[2]
     figure = new_figure(width=12.0, height=2.4 * measured + 0.8)
     for k, (left, right) in enumerate(figure.subplots(measured, 2, sharex=True)):
-        name, factor, unit = ROWS[k]
+        name, _, factor, unit = MEASURES[k]
         for (label, of), colour in zip(found.items(), COLOURS, strict=True):
             _draw_steps(left, of.time_s, factor * of.mean[:, :, k], colour, label)
             if of.reprojection is not False:
@@ -91,7 +86,8 @@ def draw_multi_step(stem: Path, found: Mapping[str, MultiStep], title: str) -> N
                 *left.get_legend_handles_labels(), loc="outside upper center", ncols=3, title=title
             )
     save(figure, stem)
-    columns = [f"{m}_{name}" for m in ("mean", "largest") for name in MEASURED[:measured]]
+    columns = [measure.column for measure in MEASURES[:measured]]
+    columns = [f"{m}_{name}" for m in ("mean", "largest") for name in columns]
     write_csv(stem.with_suffix(".csv"), ("predictor", "steps", "time_s", *columns), _lines(found))
 
 

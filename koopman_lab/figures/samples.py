@@ -16,13 +16,14 @@ from koopman_lab.data.segments import Segment
 from koopman_lab.errors import DataError
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
+from koopman_lab.robots.robot_type import RobotType
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]
 WINDOWS = (10, 30, 40, 50, 100)
 """Those of the paper."""
-COLOURS = ("tab:blue", "tab:orange", "tab:green")
-"""Of u_0, u_1, u_2."""
+COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple", "tab:brown")
+"""Of u_0, u_1, u_2 and so on, in turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +33,7 @@ class Samples:
     Attributes
     ----------
     basis_index, u
-        Which input (m/s, rad/s or m/s^2, rad/s^2).
+        Which input, in the units of the robot's inputs.
     paths
         By run, positions (k, 2) in m, a sampling time apart.
     shown_run
@@ -93,7 +94,7 @@ def smoothed(segment: Segment, window: int) -> Array:
     return np.column_stack([times / US_PER_S, velocities[:, 0], velocities[:, 2]])
 
 
-def draw_samples(stem: Path, shown: Sequence[Samples], input_units: tuple[str, str]) -> None:
+def draw_samples(stem: Path, shown: Sequence[Samples], robot: RobotType) -> None:
     """Write ``stem.pdf``, ``stem.png``, and the numbers as two CSV files.
 
     ``stem-positions.csv`` holds run, x1, x2 by basis input, ``stem-velocities.csv`` the velocities
@@ -105,15 +106,22 @@ def draw_samples(stem: Path, shown: Sequence[Samples], input_units: tuple[str, s
         Path without ending.
     shown
         From :func:`samples`; a row of the figure each.
-    input_units
-        Of the two components of the inputs.
+    robot
+        Whose inputs.
     """
     figure = new_figure(width=11.0, height=2.7 * len(shown))
     rows = figure.subplots(len(shown), 3, squeeze=False)
     for (plane, v, omega), part in zip(rows, shown, strict=True):
         for _, path in part.paths:
-            plane.plot(path[:, 0], path[:, 1], color=COLOURS[part.basis_index], linewidth=0.6)
-        u = ", ".join(f"{value:g} {unit}" for value, unit in zip(part.u, input_units, strict=True))
+            plane.plot(
+                path[:, 0],
+                path[:, 1],
+                color=COLOURS[part.basis_index % len(COLOURS)],
+                linewidth=0.6,
+            )
+        u = ", ".join(
+            f"{value:g} {of.unit}" for value, of in zip(part.u, robot.inputs, strict=True)
+        )
         plane.set(xlabel="$x_1$ (m)", ylabel="$x_2$ (m)", title=f"$u_{part.basis_index}$ = ({u})")
         plane.set_aspect("equal", adjustable="datalim")
         _draw_velocities(v, part.velocities, 1)

@@ -14,8 +14,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.values import RobotKind
-from koopman_lab.errors import ModelError
+from koopman_lab.errors import LabError, ModelError
 from koopman_lab.files import replacing
 from koopman_lab.geometry.planar import ORIGIN, Pose
 from koopman_lab.koopman.combination import (
@@ -31,6 +30,8 @@ from koopman_lab.koopman.dictionary import (
     from_expressions,
 )
 from koopman_lab.koopman.expression import Components
+from koopman_lab.robots.robot_type import RobotType
+from koopman_lab.robots.table import robot_type
 
 Array = NDArray[np.float64]
 FORMAT = 2
@@ -51,9 +52,10 @@ class BilinearModel:
     dictionary
         The observables and their reprojection.
     matrices
-        M_0, M_1, M_2, shape (3, M, M). They act on psi from the left; the paper's K is M^T.
+        M_0, M_1, ..., M_m, shape (m + 1, M, M). They act on psi from the left; the paper's K is
+        M^T.
     basis_inputs
-        u_0, u_1, u_2, shape (3, 2).
+        u_0, u_1, ..., u_m, shape (m + 1, m).
     dt_s
         Sampling time in s.
     metadata
@@ -64,7 +66,8 @@ class BilinearModel:
     Raises
     ------
     ModelError
-        If a matrix has no generator that could be combined.
+        If the arrays are not of the robot's number of inputs, the basis inputs do not span all
+        inputs, or a matrix has no generator that could be combined.
     """
 
     dictionary: Dictionary
@@ -75,12 +78,27 @@ class BilinearModel:
     combination: Combination = PAPER
 
     def __post_init__(self) -> None:
-        _ = self._combined
+        m, size = self.robot.input_dim, self.dictionary.size
+        for what, array, expected in (
+            ("matrices", self.matrices, (m + 1, size, size)),
+            ("basis inputs", self.basis_inputs, (m + 1, m)),
+        ):
+            if array.shape != expected:
+                raise ModelError(
+                    f"model ({self.dictionary.name}) of the {self.robot_kind} robot: {what} of "
+                    f"shape {array.shape}, expected {expected}; train it again from its session"
+                )
+        _ = self._to_lambdas, self._combined
 
     @property
-    def robot_kind(self) -> RobotKind:
-        """Return the robot the model is of."""
+    def robot_kind(self) -> str:
+        """Return the name of the robot the model is of."""
         return self.dictionary.kind
+
+    @property
+    def robot(self) -> RobotType:
+        """Return the robot the model is of."""
+        return self.dictionary.robot
 
     @property
     def state_dim(self) -> int:
@@ -101,26 +119,35 @@ class BilinearModel:
 
     @cached_property
     def _to_lambdas(self) -> Array:
-        u0, u1, u2 = self.basis_inputs
-        return np.linalg.inv(np.column_stack([u1 - u0, u2 - u0]))
+        u0, *others = self.basis_inputs
+        try:
+            return np.linalg.inv(np.column_stack([u - u0 for u in others]))
+        except np.linalg.LinAlgError:
+            raise ModelError(
+                f"model ({self.dictionary.name}): no input can be told from its basis inputs "
+                f"{self.basis_inputs.tolist()}, which do not span all inputs; train from a session "
+                "with other sampler.basis_inputs"
+            ) from None
 
     def lambdas(self, u: Array) -> Array:
-        """Return the lambda (..., 2) with sum_i lambda_i (u_i - u_0) = u - u_0 of u (..., 2)."""
+        """Return the lambda (..., m) with sum_i lambda_i (u_i - u_0) = u - u_0 of u (..., m)."""
         result: Array = (np.asarray(u, float) - self.basis_inputs[0]) @ self._to_lambdas.T
         return result
 
     @cached_property
     def _combined(self) -> Array:
-        """What is combined: the matrices, or dt times their generators (3, M, M)."""
+        """What is combined: the matrices, or dt times their generators (m + 1, M, M)."""
         return self.matrices if self.combination == PAPER else generators(self.matrices)
 
     def matrix(self, u: Array) -> Array:
-        """Return M_u (..., M, M) of inputs u (..., 2)."""
+        """Return M_u (..., M, M) of inputs u (..., m)."""
         from scipy.linalg import expm
 
-        m0, m1, m2 = self._combined
+        m0, *others = self._combined
         lambdas = self.lambdas(u)[..., None, None]
-        combined: Array = m0 + lambdas[..., 0, :, :] * (m1 - m0) + lambdas[..., 1, :, :] * (m2 - m0)
+        combined: Array = m0
+        for index, matrix in enumerate(others):
+            combined = combined + lambdas[..., index, :, :] * (matrix - m0)
         return combined if self.combination == PAPER else np.asarray(expm(combined))
 
     def step(self, x: Array, u: Array) -> Array:
@@ -139,7 +166,7 @@ class BilinearModel:
         return x_next
 
     def predict(self, x0: Array, inputs: Array, *, reproject: bool = True) -> Array:
-        """Return the states (..., H + 1, n) from x0 (..., n) under inputs (..., H, 2).
+        """Return the states (..., H + 1, n) from x0 (..., n) under inputs (..., H, m).
 
         Without reprojection the observables are propagated as they are, and each state is read
         off them.
@@ -160,16 +187,16 @@ class BilinearModel:
     def parameters(self) -> Array:
         """Return the model's numbers as one vector, for the functions of CasADi below.
 
-        M_0, M_1 - M_0, M_2 - M_0, the matrix that takes u - u_0 to lambda, and u_0, each by
+        M_0, M_1 - M_0, ..., M_m - M_0, the matrix that takes u - u_0 to lambda, and u_0, each by
         columns; in place of the M_i, dt times their generators where those are combined. Models
         of one dictionary and combination differ in nothing else.
         """
-        m0, m1, m2 = self._combined
-        parts = (m0, m1 - m0, m2 - m0, self._to_lambdas, self.basis_inputs[0])
+        m0, *others = self._combined
+        parts = (m0, *(matrix - m0 for matrix in others), self._to_lambdas, self.basis_inputs[0])
         return np.concatenate([part.ravel(order="F") for part in parts])
 
     def casadi_step(self) -> Callable[[Any, Any, Any], Any]:
-        """Return (x: SX (n,), u: SX (2,), p) -> SX (n,), the same step as :meth:`step`.
+        """Return (x: SX (n,), u: SX (m,), p) -> SX (n,), the same step as :meth:`step`.
 
         p are the :attr:`parameters`, as numbers (DM) or symbols (SX).
         """
@@ -188,24 +215,26 @@ class BilinearModel:
         return step
 
     def casadi_lifted_step(self) -> Callable[[Any, Any, Any], Any]:
-        """Return (psi: SX (M,), u: SX (2,), p) -> SX (M,), the step without reprojection."""
+        """Return (psi: SX (M,), u: SX (m,), p) -> SX (M,), the step without reprojection."""
         return self._casadi_propagate
 
     def _casadi_propagate(self, psi: Any, u: Any, parameters: Any) -> Any:
         import casadi as ca
 
-        size = self.dictionary.size
-        ends = np.cumsum([0, *[size**2] * 3, 4, 2]).tolist()
-        shapes = [(size, size)] * 3 + [(2, 2), (2, 1)]
-        m0, d1, d2, to_lambdas, u0 = (
+        size, m = self.dictionary.size, self.robot.input_dim
+        shapes = [*[(size, size)] * (m + 1), (m, m), (m, 1)]
+        ends = np.cumsum([0, *(rows * columns for rows, columns in shapes)]).tolist()
+        m0, *differences, to_lambdas, u0 = (
             ca.reshape(part, *shape)
             for part, shape in zip(ca.vertsplit(parameters, ends), shapes, strict=True)
         )
         lambdas = to_lambdas @ (u - u0)
-        combined = m0 + lambdas[0] * d1 + lambdas[1] * d2
+        combined = m0
+        for index, difference in enumerate(differences):
+            combined = combined + lambdas[index] * difference
         return combined @ psi if self.combination == PAPER else exponential_action(combined, psi)
 
-    def require_robot(self, kind: RobotKind) -> None:
+    def require_robot(self, kind: str) -> None:
         """Refuse the model for another robot.
 
         Raises
@@ -248,8 +277,8 @@ class BilinearModel:
         Raises
         ------
         ModelError
-            If the file is missing, damaged, no model, of another version, or of a dictionary
-            that is not known here.
+            If the file is missing, damaged, no model, of another version, or of a robot or a
+            dictionary that is not known here.
         """
         try:
             # Opened here: np.load leaves a file open that it cannot make sense of.
@@ -269,9 +298,15 @@ class BilinearModel:
                 f"{path}: model file of format {version}, this version reads "
                 f"{' and '.join(map(str, READABLE))}; train it again from its session"
             )
+        try:
+            robot_type(header["robot"])
+        except LabError as error:
+            raise ModelError(f"{path}: {error}") from None
         observables = _dictionary_of(path, header)
         size = observables.size
-        if list(observables.names) != header["observables"] or matrices.shape != (3, size, size):
+        if list(observables.names) != header["observables"] or matrices.shape != (
+            *(observables.robot.input_dim + 1, size, size),
+        ):
             raise ModelError(
                 f"{path}: its observables are not those of {observables.name} here; train it "
                 "again from its session"

@@ -35,7 +35,7 @@ LARGEST_ERROR = 1e-9
 
 
 def generators(matrices: Array) -> Array:
-    """Return dt times the generators (3, M, M): the real principal logarithms of the matrices.
+    """Return dt times the generators (m + 1, M, M): the real principal logarithms of the matrices.
 
     Raises
     ------

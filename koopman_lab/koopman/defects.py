@@ -1,4 +1,8 @@
-"""What a model does that no rolling wheel can: sideways motion, and a turn that changes lengths."""
+"""What a model does that no rolling wheel can: sideways motion, and a turn that changes lengths.
+
+Only robots that turn on the spot are asked
+(:attr:`~koopman_lab.robots.robot_type.RobotType.turn`).
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from koopman_lab.koopman.bilinear_model import BilinearModel
+from koopman_lab.robots.robot_type import Array
 
 TURN_RAD_PER_S = 1.0
 """Yaw rate at which a model is asked to turn on the spot."""
@@ -30,8 +35,10 @@ class Defects:
     growth_per_step: float | None
 
 
-def defects(model: BilinearModel) -> Defects:
-    """Return what the model does in a turn on the spot."""
+def defects(model: BilinearModel) -> Defects | None:
+    """Return what the model does in a turn on the spot; None if its robot knows none."""
+    if model.robot.turn is None:
+        return None
     theta = np.linspace(-np.pi, np.pi, ORIENTATIONS, endpoint=False)
     x, u = _turning(model, theta, 0.0)
     heading = theta + 0.5 * TURN_RAD_PER_S * model.dt_s
@@ -50,15 +57,10 @@ def defects(model: BilinearModel) -> Defects:
     return Defects(float(sideways.max()) / TURN_RAD_PER_S, growth)
 
 
-def _turning(
-    model: BilinearModel, theta: np.ndarray, speed: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return states (k, n) at the origin and inputs (k, 2) that turn with TURN_RAD_PER_S."""
-    x = np.zeros((len(theta), model.state_dim))
-    x[:, 2] = theta
-    u = np.zeros((len(theta), 2))
-    if model.robot_kind == "dynamic":
-        x[:, 3:] = speed, TURN_RAD_PER_S
-    else:
-        u[:, 1] = TURN_RAD_PER_S
-    return x, u
+def _turning(model: BilinearModel, theta: Array, speed: float) -> tuple[Array, Array]:
+    """Return states (k, n) at the origin and inputs (k, m) that turn with TURN_RAD_PER_S."""
+    assert model.robot.turn is not None  # by defects
+    rest, u = model.robot.turn(TURN_RAD_PER_S, speed)
+    pose = np.column_stack([np.zeros((len(theta), 2)), theta])
+    x = np.column_stack([pose, np.tile(rest, (len(theta), 1))])
+    return x, np.tile(u, (len(theta), 1))

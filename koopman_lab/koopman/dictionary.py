@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.values import RobotKind
 from koopman_lab.errors import ModelError
 from koopman_lab.koopman.expression import Components, Expressions, canonical, split
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.dynamic import DYNAMIC
+from koopman_lab.robots.kinematic import KINEMATIC
+from koopman_lab.robots.robot_type import RobotType
+from koopman_lab.robots.table import robot_type
 
 Array = NDArray[np.float64]
 OWN = "own"
@@ -33,12 +35,17 @@ class Dictionary:
     """
 
     name: str
-    kind: RobotKind
+    kind: str
     names: tuple[str, ...]
     observables: Callable[[Components, Any], Components]
     state_rows: tuple[int | None, ...]
     cosine_row: int | None = None
     sine_row: int | None = None
+
+    @property
+    def robot(self) -> RobotType:
+        """Return the robot whose states these are."""
+        return robot_type(self.kind)
 
     @property
     def expressions(self) -> tuple[str, ...] | None:
@@ -94,7 +101,7 @@ class Dictionary:
         return previous_theta + m.arctan2(sine * c - cosine * s, cosine * c + sine * s)
 
 
-def from_expressions(name: str, kind: RobotKind, expressions: Sequence[str]) -> Dictionary:
+def from_expressions(name: str, kind: str, expressions: Sequence[str]) -> Dictionary:
     """Return a dictionary of expressions such as ``v*cos(theta)``.
 
     Where psi holds the states is found by the expressions that are a state and nothing else.
@@ -104,7 +111,7 @@ def from_expressions(name: str, kind: RobotKind, expressions: Sequence[str]) -> 
     name
         What to call it.
     kind
-        Whose states: x1, x2, theta and, for the second-order robot, v, omega.
+        Whose states: the robot's name.
     expressions
         The constant ``1`` first; see :mod:`koopman_lab.koopman.expression` for what is allowed.
 
@@ -114,7 +121,7 @@ def from_expressions(name: str, kind: RobotKind, expressions: Sequence[str]) -> 
         If an expression is not allowed or occurs twice, the constant is not the first, or a state
         cannot be told from the observables.
     """
-    states = nominal_model(kind).state_names
+    states = robot_type(kind).state_names
     known: list[str] = []
     for text in expressions:
         spelled = canonical(text, states)
@@ -150,12 +157,12 @@ def from_expressions(name: str, kind: RobotKind, expressions: Sequence[str]) -> 
     )
 
 
-_STATE = ("1", "x1", "x2", "theta", "v", "omega")
+_STATE = ("1", *DYNAMIC.state_names)
 
-D5T = from_expressions("D5t", "kinematic", ("1", "x1", "x2", "cos(theta)", "sin(theta)"))
+D5T = from_expressions("D5t", KINEMATIC.name, ("1", "x1", "x2", "cos(theta)", "sin(theta)"))
 """Of section 3.4, eq. D5t_kinematic."""
 D6_EULER = from_expressions(
-    "D6Eul", "kinematic", ("1", "x1", "x2", "theta", "cos(theta)", "sin(theta)")
+    "D6Eul", KINEMATIC.name, ("1", "x1", "x2", "theta", "cos(theta)", "sin(theta)")
 )
 """Right-hand side of the Euler-forward step under a constant input.
 
@@ -163,17 +170,17 @@ Section 3.4 names this kind of dictionary as one of the earlier study (Bold et a
 listing it: the observables here are the terms of that right-hand side.
 """
 D7_MONOMIAL = from_expressions(
-    "D7m", "kinematic", ("1", "x1", "x2", "theta", "theta^2", "theta^3", "theta^4")
+    "D7m", KINEMATIC.name, ("1", "x1", "x2", "theta", "theta^2", "theta^3", "theta^4")
 )
 """Monomials of the orientation up to order four, as section 3.4 names them of the earlier study."""
-D8_EULER = from_expressions("D8Eul", "dynamic", (*_STATE, "v*cos(theta)", "v*sin(theta)"))
+D8_EULER = from_expressions("D8Eul", DYNAMIC.name, (*_STATE, "v*cos(theta)", "v*sin(theta)"))
 """Of section 3.4, eq. dict_Euler; those below of eq. dict_2order."""
 D10_MONOMIAL = from_expressions(
-    "D10m", "dynamic", (*_STATE, "v*omega", "v*theta^2", "v*theta^3", "v*theta^4")
+    "D10m", DYNAMIC.name, (*_STATE, "v*omega", "v*theta^2", "v*theta^3", "v*theta^4")
 )
 D13_TRIGONOMETRIC = from_expressions(
     "D13t",
-    "dynamic",
+    DYNAMIC.name,
     (
         "1",
         "x1",
@@ -192,7 +199,7 @@ D13_TRIGONOMETRIC = from_expressions(
 )
 D12_FOURIER = from_expressions(
     "D12f",
-    "dynamic",
+    DYNAMIC.name,
     _STATE + tuple(f"v*{wave}({k}*theta)" for k in (1, 2, 3) for wave in ("cos", "sin")),
 )
 
@@ -215,7 +222,7 @@ def register(own: Dictionary) -> None:
         raise ModelError(f"dictionary {own.name!r}: there is one of this name; choose another")
     angle = own.state_rows[2] if own.state_dim > 2 else None
     turned = own.cosine_row is not None and own.sine_row is not None
-    if own.state_dim != nominal_model(own.kind).state_dim or (angle is None and not turned):
+    if own.state_dim != own.robot.state_dim or (angle is None and not turned):
         raise ModelError(
             f"dictionary {own.name!r}: state_rows need a row for each state of the {own.kind} "
             "robot; None only for theta, and then cosine_row and sine_row"
@@ -223,7 +230,7 @@ def register(own: Dictionary) -> None:
     DICTIONARIES[own.name] = own
 
 
-def dictionary(name: str, kind: RobotKind) -> Dictionary:
+def dictionary(name: str, kind: str) -> Dictionary:
     """Return a dictionary by its name, or of expressions with commas between them.
 
     Raises
@@ -242,6 +249,6 @@ def dictionary(name: str, kind: RobotKind) -> Dictionary:
     reason = f"is for the {DICTIONARIES[name].kind} robot" if name in DICTIONARIES else "unknown"
     raise ModelError(
         f"dictionary {name!r}: {reason}; for the {kind} robot (states "
-        f"{', '.join(nominal_model(kind).state_names)}) there are: "
+        f"{', '.join(robot_type(kind).state_names)}) there are: "
         f"{', '.join(d.name for d in fitting)}, or expressions with commas between them"
     )

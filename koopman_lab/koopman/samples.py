@@ -90,8 +90,8 @@ def lag_us(dataset: DataSet) -> int:
             "estimator iv needs the time of each sample, the frame rate and the window, and this "
             "data set does not say them; train from a session, or use --estimator plain"
         )
-    # At the kinematic robot a state is a frame; velocities take in margin + 1 to either side.
-    reach = 0 if dataset.robot_kind == "kinematic" else margin(window) + 1
+    # A pose is a frame; velocities take in margin + 1 to either side.
+    reach = margin(window) + 1 if dataset.robot.speeds_at else 0
     return round((2 * reach + 1) * US_PER_S / float(rate_hz))
 
 

@@ -1,8 +1,10 @@
 """Models that do not care where the robot stands and where it looks (paper, outlook).
 
 Moving and turning a robot together with its path changes nothing for wheels on a level floor. Let
-g be such a motion. Where a dictionary is closed under it, psi(g x) = T(g) psi(x), the matrix of
-each basis input must satisfy T(g) M = M T(g), which is linear in M and leaves few numbers free.
+g be such a motion. It acts on the pose, with which the states of every robot begin; what stands
+behind the pose, such as speeds ahead and about the axis, moves with the robot and stays as it is.
+Where a dictionary is closed under it, psi(g x) = T(g) psi(x), the matrix of each basis input must
+satisfy T(g) M = M T(g), which is linear in M and leaves few numbers free.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ class BasisReport:
     """
 
     basis_index: int
-    basis_input: tuple[float, float]
+    basis_input: tuple[float, ...]
     excitation: Excitation | None
     constant_residual: float
     residual_rms: dict[str, float]
@@ -71,7 +71,7 @@ class BasisReport:
 
 @dataclass(frozen=True)
 class TrainingReport:
-    """Everything ``klab train`` prints."""
+    """Everything ``klab train`` prints; ``defects`` is None for robots without a turn in place."""
 
     robot: str
     dictionary: str
@@ -80,7 +80,7 @@ class TrainingReport:
     method: Method
     data_hash: str
     bases: tuple[BasisReport, ...]
-    defects: Defects
+    defects: Defects | None
 
     def as_dict(self) -> dict[str, Any]:
         """Return the report as JSON can hold it."""
@@ -210,9 +210,9 @@ def train(
 ) -> tuple[BilinearModel, TrainingReport]:
     """Fit the matrices of all basis inputs to one data set or several.
 
-    A driftless robot at rest stays at rest, so data of the kinematic robot without samples of u_0
-    give M_0 = I exactly. The result depends on nothing but the data, to the last bit. Of several
-    data sets one at a time is in memory if they come from a generator.
+    A driftless robot at rest stays at rest, so its data without samples of u_0 give exactly
+    M_0 = I. The result depends on nothing but the data, to the last bit. Of several data sets one
+    at a time is in memory if they come from a generator.
 
     Raises
     ------
@@ -246,10 +246,10 @@ def resolve(wanted: str | Dictionary, dataset: DataSet) -> Dictionary:
             f"dictionary {own.name} is for the {own.kind} robot, the data are of the {kind} one; "
             "choose another dictionary"
         )
-    if kind == "dynamic" and 0 not in dataset.basis_inputs:
+    if dataset.robot.drifts and 0 not in dataset.basis_inputs:
         raise DataError(
-            "data set of the dynamic robot without basis input u_0: its drift cannot be learned; "
-            "record a session with three sampler.basis_inputs"
+            f"data set of the {kind} robot without basis input u_0: its drift cannot be learned; "
+            f"record a session with {dataset.robot.input_dim + 1} sampler.basis_inputs"
         )
     return own
 
@@ -260,18 +260,18 @@ def fit_all(
     moments: Mapping[int, Moments],
     method: Method,
 ) -> tuple[Array, Array, list[BasisReport]]:
-    """Return M_i (3, M, M), u_i (3, 2), and what was learned for each.
+    """Return M_i (m + 1, M, M), u_i (m + 1, m), and what was learned for each.
 
     Raises
     ------
     DataError, ModelError
         As :func:`fit_basis`.
     """
-    inputs = {0: (0.0, 0.0)} | {i: (float(u[0]), float(u[1])) for i, u in given.items()}
+    inputs = {0: (0.0,) * own.robot.input_dim} | {i: tuple(map(float, u)) for i, u in given.items()}
     matrices, reports = [], []
     for index, u in sorted(inputs.items()):
         if index not in moments:
-            # Only u_0 of the kinematic robot can be missing: it has no drift.
+            # Only u_0 of a robot without drift can be missing.
             matrices.append(np.eye(own.size))
             reports.append(BasisReport(index, u, None, 0.0, {}))
             continue

@@ -2,7 +2,7 @@
 
 A stage cost is written once for NumPy and CasADi: it only indexes its arguments and multiplies
 and adds what it finds. States and inputs come components first, so that whole trajectories of
-shape (n, K) and (2, K) give K costs at once.
+shape (n, K) and (m, K) give K costs at once.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from koopman_lab.config.schema import Controller
 from koopman_lab.errors import ConfigError
 from koopman_lab.koopman.dictionary import Dictionary
+from koopman_lab.robots.robot_type import RobotType
 
 
 class StageCost(Protocol):
@@ -33,11 +34,10 @@ class StageCost(Protocol):
         Parameters
         ----------
         x
-            State relative to the goal, ``(x1, x2, theta)`` or ``(x1, x2, theta, v, omega)`` in m,
-            m, rad, m/s, rad/s: a NumPy array (n,) or (n, K), or a CasADi vector (n,).
+            State relative to the goal, in the units of the robot's states: a NumPy array (n,) or
+            (n, K), or a CasADi vector (n,).
         u
-            Input, ``(v, omega)`` in m/s, rad/s or ``(a, d_omega)`` in m/s^2, rad/s^2: of the same
-            kind, (2,) or (2, K).
+            Input, in the units of the robot's inputs: of the same kind, (m,) or (m, K).
         parameters
             Symbols instead of the cost's own weights, in the same order.
         """
@@ -47,19 +47,23 @@ class StageCost(Protocol):
 class MixedExponents:
     """The mixed-exponents cost ``me`` (paper, eq. costME).
 
-    The exponents follow from the sub-Riemannian geometry: x2, the direction that the wheels cannot
-    take at once, counts with its square, everything else with its fourth power.
+    The exponents follow from the sub-Riemannian geometry: a direction that the robot cannot take at
+    once, such as x2 for wheels, counts with its square, everything else with its fourth power.
 
     Parameters
     ----------
     q
-        Weights of the states, 3 (kinematic robot) or 5 (second-order robot).
+        Weights of the states (n,).
     r
-        Weights of the inputs.
+        Weights of the inputs (m,).
+    sideways
+        States that are reached only by combining motions, by index
+        (:attr:`~koopman_lab.robots.robot_type.RobotType.sideways`).
     """
 
     q: Sequence[float]
     r: Sequence[float]
+    sideways: Sequence[int]
 
     @property
     def parameters(self) -> NDArray[np.float64]:
@@ -70,9 +74,11 @@ class MixedExponents:
         """Return the cost; see :class:`StageCost`."""
         weights = self.parameters if parameters is None else parameters
         states = len(self.q)
-        cost = weights[1] * _square(x[1])
+        cost = 0.0
+        for index in self.sideways:
+            cost = cost + weights[index] * _square(x[index])
         for index in range(states):
-            if index != 1:
+            if index not in self.sideways:
                 cost = cost + weights[index] * _fourth_power(x[index])
         for index in range(len(self.r)):
             cost = cost + weights[states + index] * _fourth_power(u[index])
@@ -86,9 +92,9 @@ class Quadratic:
     Parameters
     ----------
     q
-        Weights of the states, 3 (kinematic robot) or 5 (second-order robot).
+        Weights of the states (n,).
     r
-        Weights of the inputs.
+        Weights of the inputs (m,).
     """
 
     q: Sequence[float]
@@ -150,13 +156,17 @@ class QuadraticInObservables:
         return Quadratic(self.q, self.r)(off, u, parameters)
 
 
-def stage_cost(settings: Controller, observables: Dictionary | None = None) -> StageCost:
+def stage_cost(
+    settings: Controller, robot: RobotType, observables: Dictionary | None = None
+) -> StageCost:
     """Return the stage cost a configuration asks for.
 
     Parameters
     ----------
     settings
         Name and weights.
+    robot
+        Whose states and inputs are weighted.
     observables
         The dictionary, for a cost of observables.
 
@@ -172,7 +182,7 @@ def stage_cost(settings: Controller, observables: Dictionary | None = None) -> S
             f"add controller.weights.{settings.cost} with q and r"
         )
     if settings.cost == "me":
-        return MixedExponents(weights.q, weights.r)
+        return MixedExponents(weights.q, weights.r, robot.sideways)
     if settings.cost == "ce":
         return Quadratic(weights.q, weights.r)
     if observables is None:

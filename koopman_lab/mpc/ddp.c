@@ -1,12 +1,19 @@
-/* Control-limited differential dynamic programming (Tassa, Mansard, Todorov, ICRA 2014) for two
- * inputs with box bounds. Stands behind the stage functions that CasADi generates:
+/* Control-limited differential dynamic programming (Tassa, Mansard, Todorov, ICRA 2014) for inputs
+ * with box bounds. Stands behind the stage functions that CasADi generates:
  *
  *   ddp_roll(s, u, p)        -> successor, stage cost
  *   ddp_expand(s, u, p, vx)  -> d successor (N x Z), gradient of the cost (Z), second derivatives
- *                               of cost + vx' successor (Z x Z); Z = N + 2, columns one by one
+ *                               of cost + vx' successor (Z x Z); Z = N + INPUTS, columns one by one
  *   ddp_end(s, p)            -> cost without an input, its gradient (N), its Hessian (N x N)
  *
- * and behind SIZE (N), HORIZON, and the sizes of CasADi's work arrays.
+ * and behind SIZE (N), INPUTS, HORIZON, and the sizes of CasADi's work arrays. The quadratic program
+ * of a stage is solved by
+ *
+ *   make_positive(Q, least)              raises the eigenvalues of Q
+ *   box(Q, q, low, high, d, is_free)     minimises 1/2 d' Q d + q' d in a box
+ *   feedback(Q, is_free, column, k)      k = -inv(Q) column for the components that are free
+ *
+ * in closed form for two inputs, and otherwise by iterations.
  *
  * Where the value curves down in an input, either sign of it can be a local minimum, and a horizon
  * has as many as there are combinations. Of these, neighbours of the plan are tried one by one, and
@@ -16,7 +23,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { N = SIZE, Z = N + 2, STEPS = HORIZON, SEARCHES = 10, RAISES = 12, FARTHEST = 3, RECENT = 4 };
+enum { N = SIZE, Z = N + INPUTS, STEPS = HORIZON, SEARCHES = 10, RAISES = 12, FARTHEST = 3, RECENT = 4 };
 
 /* What a look at all neighbours takes, in iterations. */
 enum { LOOK = 4 };
@@ -31,13 +38,13 @@ static const double NOTICEABLE = 1e-7;
 static const double INSIDE = 0.9;
 
 typedef struct {
-  double s[STEPS + 1][N], u[STEPS][2], l[STEPS], value;
+  double s[STEPS + 1][N], u[STEPS][INPUTS], l[STEPS], value;
 } plan_t;
 
 /* Whoever calls brings it, so that several solvers may work at once. */
 typedef struct {
   plan_t now, next, best;
-  double feed[STEPS][2], gain[STEPS][2][N], w[SZ_W + 1];
+  double feed[STEPS][INPUTS], gain[STEPS][INPUTS][N], w[SZ_W + 1];
   casadi_int iw[SZ_IW + 1];
   /* Whether, in the last descent's last iterations, the value curved down in an input. */
   int concave;
@@ -65,49 +72,13 @@ static double end(work_t *m, const double *s, const double *p, double *g, double
   return l;
 }
 
-/* Raise the eigenvalues of [[a, b], [b, c]] to their magnitudes, and to the least one at least. Tell
- * whether one was negative. */
-static int make_positive(double *a, double *b, double *c, double least) {
-  const double mean = 0.5 * (*a + *c), half = 0.5 * (*a - *c), radius = hypot(half, *b);
-  const double low = mean - radius, high = mean + radius;
-  const double new_low = fmax(fabs(low), least), new_high = fmax(fabs(high), least);
-  if (low == new_low && high == new_high) return 0;
-  const double new_mean = 0.5 * (new_low + new_high);
-  const double scale = radius > 0.0 ? 0.5 * (new_high - new_low) / radius : 0.0;
-  *a = new_mean + scale * half;
-  *c = new_mean - scale * half;
-  *b *= scale;
-  return low < 0.0;
-}
-
 static double clip(double x, double low, double high) { return fmin(fmax(x, low), high); }
 
-/* Minimise 1/2 d' Q d + q' d in a box; tell which components are off its bounds. */
-static void box(const double Q[2][2], const double q[2], const double low[2], const double high[2],
-                double d[2], int is_free[2]) {
-  const double det = Q[0][0] * Q[1][1] - Q[0][1] * Q[0][1];
-  d[0] = (Q[0][1] * q[1] - Q[1][1] * q[0]) / det;
-  d[1] = (Q[0][1] * q[0] - Q[0][0] * q[1]) / det;
-  is_free[0] = is_free[1] = 1;
-  if (d[0] >= low[0] && d[0] <= high[0] && d[1] >= low[1] && d[1] <= high[1]) return;
-  double best = INFINITY;
-  for (int i = 0; i < 2; ++i) {
-    const int j = 1 - i;
-    for (int upper = 0; upper < 2; ++upper) {
-      const double x = upper ? high[i] : low[i], y_free = -(q[j] + Q[0][1] * x) / Q[j][j];
-      const double y = clip(y_free, low[j], high[j]);
-      const double cost = 0.5 * (Q[i][i] * x * x + Q[j][j] * y * y) + Q[0][1] * x * y +
-                          q[i] * x + q[j] * y;
-      if (cost < best) {
-        best = cost;
-        d[i] = x;
-        d[j] = y;
-        is_free[i] = 0;
-        is_free[j] = y == y_free;
-      }
-    }
-  }
-}
+#if INPUTS == 2
+#include "ddp_two_inputs.c"
+#else
+#include "ddp_any_inputs.c"
+#endif
 
 /* Fill feed and gain; give the first and second order of the expected change of the value, and
  * whether it curves down in an input. */
@@ -137,41 +108,51 @@ static void backward(work_t *m, const double *p, const double *u_max, double wei
         h[j + Z * i] = h[i + Z * j];
       }
     }
-    double a = h[N + Z * N] + weight, b = h[N + Z * (N + 1)], c = h[N + 1 + Z * (N + 1)] + weight;
-    *concave |= make_positive(&a, &b, &c, least);
-    const double Q[2][2] = {{a, b}, {b, c}}, *q = g + N;
-    const double low[2] = {-u_max[0] - u[0], -u_max[1] - u[1]};
-    const double high[2] = {u_max[0] - u[0], u_max[1] - u[1]};
-    double *d = m->feed[k];
-    int is_free[2];
-    box(Q, q, low, high, d, is_free);
-    const double det = a * c - b * b;
-    for (int i = 0; i < N; ++i) {
-      const double q0 = h[N + Z * i], q1 = h[N + 1 + Z * i];
-      double k0 = 0.0, k1 = 0.0;
-      if (is_free[0] && is_free[1]) {
-        k0 = (b * q1 - c * q0) / det;
-        k1 = (b * q0 - a * q1) / det;
-      } else if (is_free[0]) {
-        k0 = -q0 / a;
-      } else if (is_free[1]) {
-        k1 = -q1 / c;
-      }
-      m->gain[k][0][i] = k0;
-      m->gain[k][1][i] = k1;
+    double Q[INPUTS][INPUTS], low[INPUTS], high[INPUTS], *d = m->feed[k];
+    const double *q = g + N;
+    int is_free[INPUTS];
+    for (int a = 0; a < INPUTS; ++a) {
+      for (int b = 0; b < INPUTS; ++b) Q[a][b] = h[N + a + Z * (N + b)];
+      Q[a][a] += weight;
+      low[a] = -u_max[a] - u[a];
+      high[a] = u_max[a] - u[a];
     }
-    *first += d[0] * q[0] + d[1] * q[1];
-    *second += 0.5 * (a * d[0] * d[0] + c * d[1] * d[1]) + b * d[0] * d[1];
-    /* With r = Q d + q the value's expansion in the state follows. */
-    const double r0 = a * d[0] + b * d[1] + q[0], r1 = b * d[0] + c * d[1] + q[1];
+    *concave |= make_positive(Q, least);
+    box(Q, q, low, high, d, is_free);
+    for (int i = 0; i < N; ++i) {
+      double column[INPUTS];
+      feedback(Q, is_free, h + N + Z * i, column);
+      for (int a = 0; a < INPUTS; ++a) m->gain[k][a][i] = column[a];
+    }
+    double slope = 0.0, squares = 0.0, products = 0.0, r[INPUTS];
+    for (int a = 0; a < INPUTS; ++a) {
+      slope += d[a] * q[a];
+      squares += Q[a][a] * d[a] * d[a];
+      for (int b = a + 1; b < INPUTS; ++b) products += Q[a][b] * d[a] * d[b];
+      /* With r = Q d + q the value's expansion in the state follows. */
+      r[a] = Q[a][0] * d[0];
+      for (int b = 1; b < INPUTS; ++b) r[a] += Q[a][b] * d[b];
+      r[a] += q[a];
+    }
+    *first += slope;
+    *second += 0.5 * squares + products;
     for (int j = 0; j < N; ++j) {
-      const double k0 = m->gain[k][0][j], k1 = m->gain[k][1][j];
-      const double q0 = h[N + Z * j], q1 = h[N + 1 + Z * j];
-      const double m0 = a * k0 + b * k1 + q0, m1 = b * k0 + c * k1 + q1;
-      vx[j] = g[j] + k0 * r0 + k1 * r1 + q0 * d[0] + q1 * d[1];
-      for (int i = 0; i <= j; ++i)
-        vxx[i + N * j] = h[i + Z * j] + m->gain[k][0][i] * m0 + m->gain[k][1][i] * m1 +
-                         h[N + Z * i] * k0 + h[N + 1 + Z * i] * k1;
+      double gain[INPUTS], rest[INPUTS];
+      for (int a = 0; a < INPUTS; ++a) gain[a] = m->gain[k][a][j];
+      for (int a = 0; a < INPUTS; ++a) {
+        rest[a] = Q[a][0] * gain[0];
+        for (int b = 1; b < INPUTS; ++b) rest[a] += Q[a][b] * gain[b];
+        rest[a] += h[N + a + Z * j];
+      }
+      vx[j] = g[j];
+      for (int a = 0; a < INPUTS; ++a) vx[j] += gain[a] * r[a];
+      for (int a = 0; a < INPUTS; ++a) vx[j] += h[N + a + Z * j] * d[a];
+      for (int i = 0; i <= j; ++i) {
+        double sum = h[i + Z * j];
+        for (int a = 0; a < INPUTS; ++a) sum += m->gain[k][a][i] * rest[a];
+        for (int a = 0; a < INPUTS; ++a) sum += h[N + a + Z * i] * gain[a];
+        vxx[i + N * j] = sum;
+      }
     }
     for (int j = 0; j < N; ++j)
       for (int i = 0; i < j; ++i) vxx[j + N * i] = vxx[i + N * j];
@@ -180,7 +161,7 @@ static void backward(work_t *m, const double *p, const double *u_max, double wei
 
 /* The input at stage k of now, corrected for what next's state differs by. */
 static void follow(work_t *m, const double *u_max, int k, double share) {
-  for (int j = 0; j < 2; ++j) {
+  for (int j = 0; j < INPUTS; ++j) {
     double u = m->now.u[k][j] + share * m->feed[k][j];
     for (int i = 0; i < N; ++i) u += m->gain[k][j][i] * (m->next.s[k][i] - m->now.s[k][i]);
     m->next.u[k][j] = clip(u, -u_max[j], u_max[j]);
@@ -225,7 +206,7 @@ static int adopt(work_t *m, const double *p, const double *u_max, int first, int
 static int rearrange(work_t *m, const double *p, const double *u_max) {
   int found = 0;
   for (int k = 0; k < STEPS; ++k)
-    for (int j = 0; j < 2; ++j)
+    for (int j = 0; j < INPUTS; ++j)
       for (int other = k; other < STEPS && other <= k + FARTHEST; ++other) {
         const double here = m->now.u[k][j], there = m->now.u[other][j];
         if (other > k && here == there) continue;
@@ -274,7 +255,7 @@ static int improve(work_t *m, const double *s0, const double *p, const double *u
   memset(m->gain, 0, sizeof m->gain);
   memcpy(m->now.s[0], s0, sizeof m->now.s[0]);
   for (int k = 0; k < STEPS; ++k)
-    for (int j = 0; j < 2; ++j) m->now.u[k][j] = share * inputs[2 * k + j];
+    for (int j = 0; j < INPUTS; ++j) m->now.u[k][j] = share * inputs[INPUTS * k + j];
   /* With nothing to change, this simulates the guess. */
   forward(m, p, u_max, 0.0);
   m->now = m->next;
@@ -287,7 +268,7 @@ static int improve(work_t *m, const double *s0, const double *p, const double *u
   return count < 0 ? -spent : spent;
 }
 
-/* Improve inputs (STEPS x 2). Return the number of iterations, negative if they did not suffice. */
+/* Improve inputs (STEPS x INPUTS). Return the number of iterations, negative if they did not suffice. */
 int ddp_solve(void *work, const double *s0, const double *p, const double *u_max, double tolerance,
               int most, double *inputs) {
   work_t *m = work;

@@ -2,7 +2,7 @@
 
 An interior-point method begins every problem far inside the bounds and spends most of its
 iterations on the way back. A plan shifted by one stage is nearly optimal already: here Newton's
-method over the stages starts from it, with a small quadratic program in a box for each stage's two
+method over the stages starts from it, with a small quadratic program in a box for each stage's
 inputs (Tassa, Mansard and Todorov, ICRA 2014). All iterates are simulated, so each has no gaps and
 a true value, and the value falls from one to the next.
 
@@ -12,6 +12,7 @@ Bounds of the speeds it does not know.
 from __future__ import annotations
 
 import ctypes
+import re
 from pathlib import Path
 
 import casadi as ca
@@ -30,14 +31,14 @@ TOLERANCE = 1e-7
 
 def source(model: PredictionModel, cost: StageCost, horizon: int) -> str:
     """Return C code of the solver, and of :func:`rollout.function`, for one shape of problem."""
-    size = model.size
-    s, u, vx = ca.SX.sym("s", size), ca.SX.sym("u", 2), ca.SX.sym("vx", size)
+    size, inputs = model.size, model.input_dim
+    s, u, vx = ca.SX.sym("s", size), ca.SX.sym("u", inputs), ca.SX.sym("vx", size)
     of_model = ca.SX.sym("model", model.parameters.size)
     weights = ca.SX.sym("weights", cost.parameters.size)
     p, z = ca.vertcat(of_model, weights), ca.vertcat(s, u)
     following = model.step(s, u, of_model)
     here = model.cost(cost, s, u, weights)
-    end = model.cost(cost, s, ca.SX.zeros(2), weights)
+    end = model.cost(cost, s, ca.SX.zeros(inputs), weights)
     hessian, _ = ca.hessian(here + ca.dot(vx, following), z)
     end_hessian, _ = ca.hessian(end, s)
     results = {
@@ -52,12 +53,17 @@ def source(model: PredictionModel, cost: StageCost, horizon: int) -> str:
     generator = ca.CodeGenerator("program.c", {"with_header": False})
     for function in [*functions, rollouts.function(model, cost, horizon)]:
         generator.add(function)
-    sizes = {"SIZE": size, "HORIZON": horizon}
+    sizes = {"SIZE": size, "INPUTS": inputs, "HORIZON": horizon}
     for name in ("sz_arg", "sz_res", "sz_iw", "sz_w"):
         sizes[name.upper()] = max(getattr(function, name)() for function in functions)
     lines = [f"#define {name} {number}" for name, number in sizes.items()]
-    own = Path(__file__).with_name("ddp.c").read_text()
-    return "\n".join([str(generator.dump()), *lines, own])
+    return "\n".join([str(generator.dump()), *lines, _read("ddp.c")])
+
+
+def _read(name: str) -> str:
+    """Return the text of a file beside this one, with those it includes: libraries hang on all."""
+    text = Path(__file__).with_name(name).read_text()
+    return re.sub(r'#include "(\w+\.c)"', lambda line: _read(line[1]), text)
 
 
 class Improver:
@@ -70,7 +76,7 @@ class Improver:
     model, cost
         Their numbers count.
     u_max
-        Largest magnitude of either input.
+        Largest magnitudes of the inputs (m,).
     most_iterations
         Of a call.
     """
@@ -98,7 +104,7 @@ class Improver:
         self._numbers[self._disturbed] = d
 
     def __call__(self, s0: Array, guess: Array) -> tuple[Array, int]:
-        """Return inputs (H, 2) no worse than the guess's and the number of iterations.
+        """Return inputs (H, m) no worse than the guess's and the number of iterations.
 
         The number is negative if the inputs are not optimal yet.
 
@@ -107,7 +113,7 @@ class Improver:
         s0
             What the model propagates, at the start, (S,).
         guess
-            Inputs (H, 2).
+            Inputs (H, m).
         """
         inputs = np.clip(np.ascontiguousarray(guess, float), -self._u_max, self._u_max)
         start = np.ascontiguousarray(s0, float)

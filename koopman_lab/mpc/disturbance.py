@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 from koopman_lab.config.schema import OffsetFree
 from koopman_lab.geometry.planar import wrap_angle
 from koopman_lab.mpc.prediction import PredictionModel
+from koopman_lab.robots.robot_type import POSE_DIM
 
 Array = NDArray[np.float64]
 
 
-POSE_DIM = 3
-"""Only the pose is corrected: in the speeds, the motors' lag would be taken for a disturbance."""
-
-
 class DisturbedPrediction:
     """A prediction model of the state with a constant added to the pose in each step.
+
+    Only the pose is corrected: in what stands behind it, speeds for one, the motors' lag would be
+    taken for a disturbance.
 
     The constant is the last part of its parameters, zero to begin with.
 
@@ -49,9 +49,9 @@ class DisturbedPrediction:
 
     def step(self, s: Any, u: Any, parameters: Any) -> Any:
         """Return the state one sampling time later; see :class:`~.prediction.PredictionModel`."""
-        own = self._model.parameters.size
-        speeds = ca.SX.zeros(self._model.state_dim - POSE_DIM)
-        return self._model.step(s, u, parameters[:own]) + ca.vertcat(parameters[own:], speeds)
+        size = self._model.parameters.size
+        rest = ca.SX.zeros(self._model.state_dim - POSE_DIM)
+        return self._model.step(s, u, parameters[:size]) + ca.vertcat(parameters[size:], rest)
 
 
 class DisturbanceEstimator:

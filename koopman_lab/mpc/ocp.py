@@ -35,19 +35,22 @@ class Bounds:
     Attributes
     ----------
     u_max
-        Of the inputs, (2,).
+        Of the inputs, (m,).
     speed_max
-        Of v and omega of the second-order robot; None for no bounds.
+        Of v and omega, for robots whose state holds them; None for no bounds.
     speeds_at
         Where s holds v and omega.
     dt_s
         Sampling time in s.
+    change_max
+        How fast v and omega can change under the largest inputs, (2,).
     """
 
     u_max: Array
     speed_max: Sequence[float] | None = None
     speeds_at: Sequence[int] = ()
     dt_s: float = 0.0
+    change_max: Array = field(default_factory=lambda: np.empty(0))
 
     def of_speeds(self, s0: Array, horizon: int) -> list[tuple[int, Array]]:
         """Return for v and omega its place in s and its bounds (H,) from stage 1 on.
@@ -58,9 +61,23 @@ class Bounds:
             return []
         after_s = self.dt_s * np.arange(1, horizon + 1)
         return [
-            (place, np.maximum(largest, abs(s0[place]) - BRAKING * u * after_s))
-            for place, largest, u in zip(self.speeds_at, self.speed_max, self.u_max, strict=True)
+            (place, np.maximum(largest, abs(s0[place]) - BRAKING * change * after_s))
+            for place, largest, change in zip(
+                self.speeds_at, self.speed_max, self.change_max, strict=True
+            )
         ]
+
+
+def bounds_for(
+    model: PredictionModel, u_max: Sequence[float], speed_max: Sequence[float] | None
+) -> Bounds:
+    """Return bounds of inputs, and of the speeds of a model whose robot has them in its state."""
+    robot, largest = model.robot, np.asarray(u_max, float)
+    # How much each input changes each speed within a second, from rest.
+    rest, units = np.zeros(robot.state_dim), np.eye(robot.input_dim)
+    changes = (robot.step(rest, units, 1.0) - rest)[:, list(robot.speeds_at)]
+    change_max = largest @ np.abs(changes)
+    return Bounds(largest, speed_max, model.speeds_at, model.dt_s, change_max)
 
 
 @dataclass(frozen=True)
@@ -110,14 +127,14 @@ class OptimalControlProblem:
         return self.size * (self.horizon + 1)
 
     def pack(self, propagated: Array, inputs: Array) -> Array:
-        """Return the variables for s (H + 1, S) and inputs (H, 2)."""
+        """Return the variables for s (H + 1, S) and inputs (H, m)."""
         stages = np.hstack([propagated[:-1], inputs])
         return np.concatenate([stages.ravel(), propagated[-1]])
 
     def unpack(self, variables: Array) -> tuple[Array, Array]:
-        """Return s (H + 1, S) and inputs (H, 2) in the variables."""
+        """Return s (H + 1, S) and inputs (H, m) in the variables."""
         n = self.size
-        stages = variables[:-n].reshape(self.horizon, n + 2)
+        stages = variables[:-n].reshape(self.horizon, n + self.bounds.u_max.size)
         return np.vstack([stages[:, :n], variables[-n:]]), stages[:, n:].copy()
 
 
@@ -147,7 +164,7 @@ def transcribe(
     total: Any = 0.0
     s = ca.SX.sym("s_0", size)
     for k in range(horizon):
-        u, following = ca.SX.sym(f"u_{k}", 2), ca.SX.sym(f"s_{k + 1}", size)
+        u, following = ca.SX.sym(f"u_{k}", model.input_dim), ca.SX.sym(f"s_{k + 1}", size)
         variables += [s, u]
         gaps.append(following - model.step(s, u, numbers))
         if k == 0:
@@ -155,7 +172,7 @@ def transcribe(
         total = total + model.cost(cost, s, u, weights)
         s = following
     variables.append(s)
-    total = total + model.cost(cost, s, ca.SX.zeros(2), weights)
+    total = total + model.cost(cost, s, ca.SX.zeros(model.input_dim), weights)
     program = {
         "x": ca.vertcat(*variables),
         "p": ca.vertcat(initial, factor, d),

@@ -15,22 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import Controller
-from koopman_lab.config.values import RobotKind
 from koopman_lab.geometry.planar import ORIGIN, Pose
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import Dictionary
 from koopman_lab.mpc.costs import QuadraticInObservables, StageCost
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.robot_type import RobotType
+from koopman_lab.robots.table import robot_type
 
 
 class PredictionModel(Protocol):
     """A discrete-time model with zero-order hold on the input (paper, section 2.1).
 
-    States are relative to the goal, in m, m, rad and, for the second-order robot, m/s, rad/s.
+    States are relative to the goal, in the units of the robot's states.
     """
 
     @property
-    def robot_kind(self) -> RobotKind:
+    def robot(self) -> RobotType:
         """Which robot it describes."""
 
     @property
@@ -39,7 +39,11 @@ class PredictionModel(Protocol):
 
     @property
     def state_dim(self) -> int:
-        """Number of the robot's states n: 3 (kinematic robot) or 5 (second-order robot)."""
+        """Number n of the robot's states."""
+
+    @property
+    def input_dim(self) -> int:
+        """Number m of the robot's inputs."""
 
     @property
     def size(self) -> int:
@@ -47,7 +51,7 @@ class PredictionModel(Protocol):
 
     @property
     def speeds_at(self) -> tuple[int, ...]:
-        """Where s holds v and omega; empty for the kinematic robot."""
+        """Where s holds v and omega; empty for robots whose state does not."""
 
     @property
     def dt_s(self) -> float:
@@ -72,7 +76,7 @@ class PredictionModel(Protocol):
         """Return the s to begin with in a state: CasADi SX (n,) to (S,)."""
 
     def step(self, s: Any, u: Any, parameters: Any) -> Any:
-        """Return s one sampling time later: CasADi SX (S,) and (2,) to (S,).
+        """Return s one sampling time later: CasADi SX (S,) and (m,) to (S,).
 
         The parameters are numbers (DM) or symbols (SX).
         """
@@ -81,14 +85,28 @@ class PredictionModel(Protocol):
         """Return the state that s stands for: CasADi SX (S,) to (n,)."""
 
     def cost(self, cost: StageCost, s: Any, u: Any, weights: Any) -> Any:
-        """Return what a stage costs in s: CasADi SX (S,), (2,) and weights to a scalar."""
+        """Return what a stage costs in s: CasADi SX (S,), (m,) and weights to a scalar."""
 
 
-class _OfTheState:
-    """What all models share that propagate the state itself."""
+class _OfARobot:
+    """What all models share."""
 
-    state_dim: int
+    robot: RobotType
     disturbance_dim = 0
+
+    @property
+    def state_dim(self) -> int:
+        """Return the number of states."""
+        return self.robot.state_dim
+
+    @property
+    def input_dim(self) -> int:
+        """Return the number of inputs."""
+        return self.robot.input_dim
+
+
+class _OfTheState(_OfARobot):
+    """What all models share that propagate the state itself."""
 
     @property
     def size(self) -> int:
@@ -98,7 +116,7 @@ class _OfTheState:
     @property
     def speeds_at(self) -> tuple[int, ...]:
         """Return the places of v and omega."""
-        return tuple(range(3, self.state_dim))
+        return self.robot.speeds_at
 
     def lift(self, x: Any) -> Any:
         """Return the state itself."""
@@ -118,8 +136,8 @@ class NominalPrediction(_OfTheState):
 
     Parameters
     ----------
-    kind
-        Which robot.
+    robot
+        Which robot, by its name.
     dt_s
         Sampling time in s.
     marker_offset
@@ -128,18 +146,17 @@ class NominalPrediction(_OfTheState):
 
     dictionary: Dictionary | None = None
 
-    def __init__(self, kind: RobotKind, dt_s: float, marker_offset: Pose = ORIGIN) -> None:
-        self.robot_kind: RobotKind = kind
+    def __init__(self, robot: str, dt_s: float, marker_offset: Pose = ORIGIN) -> None:
+        self.robot = robot_type(robot)
         self.dt_s = dt_s
         self.marker_offset = marker_offset
-        self._model = nominal_model(kind)
-        self.state_dim = self._model.state_dim
         self.parameters = np.array([dt_s])
 
     def step(self, s: Any, u: Any, parameters: Any) -> Any:
         """Return the state one sampling time later; see :class:`PredictionModel`."""
         states = [s[i] for i in range(self.state_dim)]
-        return ca.vertcat(*self._model.components(states, [u[0], u[1]], parameters[0], ca))
+        inputs = [u[i] for i in range(self.input_dim)]
+        return ca.vertcat(*self.robot.components(states, inputs, parameters[0], ca))
 
 
 class KoopmanPrediction(_OfTheState):
@@ -152,9 +169,8 @@ class KoopmanPrediction(_OfTheState):
     """
 
     def __init__(self, model: BilinearModel) -> None:
-        self.robot_kind = model.robot_kind
+        self.robot = model.robot
         self.dictionary: Dictionary | None = model.dictionary
-        self.state_dim = model.state_dim
         self.dt_s = model.dt_s
         self.marker_offset = model.marker_offset
         self.parameters = model.parameters
@@ -166,7 +182,7 @@ class KoopmanPrediction(_OfTheState):
         return self._step(s, u, parameters)
 
 
-class LiftedPrediction:
+class LiftedPrediction(_OfARobot):
     """A bilinear Koopman surrogate without reprojection (paper, section 4).
 
     The observables are propagated as they are. Where psi does not hold the angle, it is read off by
@@ -178,14 +194,12 @@ class LiftedPrediction:
         Learned from data.
     """
 
-    disturbance_dim = 0
-
     def __init__(self, model: BilinearModel) -> None:
-        self.robot_kind = model.robot_kind
+        self.robot = model.robot
         self.dictionary: Dictionary | None = model.dictionary
-        self.state_dim = model.state_dim
         self.size = model.dictionary.size
-        self.speeds_at = tuple(row for row in model.dictionary.state_rows[3:] if row is not None)
+        rows = [model.dictionary.state_rows[place] for place in model.robot.speeds_at]
+        self.speeds_at = tuple(row for row in rows if row is not None)
         self.dt_s = model.dt_s
         self.marker_offset = model.marker_offset
         self.parameters = model.parameters
@@ -216,7 +230,7 @@ def prediction_of(
 ) -> KoopmanPrediction | NominalPrediction:
     """Return what a controller predicts with: the model, or the nominal equations in its place."""
     if settings.predict == "nominal":
-        return NominalPrediction(model.robot_kind, settings.dt_s, model.marker_offset)
+        return NominalPrediction(model.robot.name, settings.dt_s, model.marker_offset)
     return KoopmanPrediction(model)
 
 

@@ -7,6 +7,7 @@ fall behind, and what goes on when the solver fails.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -36,7 +37,7 @@ class Decision:
     Attributes
     ----------
     u
-        Input to apply now, (2,).
+        Input to apply now, (m,).
     plan
         The plan that ``u`` begins.
     solved
@@ -64,7 +65,7 @@ class RecedingHorizon:
     rollout
         Of the prediction model under the same cost and horizon.
     u_max
-        Largest magnitude of either input.
+        Largest magnitudes of the inputs (m,).
     dt_s
         Sampling time in s.
     disturbance
@@ -84,7 +85,7 @@ class RecedingHorizon:
         self._rollout = rollout
         self._u_max = np.asarray(u_max, dtype=float)
         self._dt_s = dt_s
-        self._accelerates = rollout.state_dim == 5
+        self._robot = rollout.robot
         self._disturbance = disturbance
         self._expected: NDArray[np.float64] | None = None
         self._plan: Plan | None = None
@@ -146,25 +147,16 @@ class RecedingHorizon:
         return Plan(inputs, states, value, 0, False, "not from the solver")
 
     def _braking(self, x: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
-        """Return inputs (steps, 2) that bring the robot to rest as fast as the bounds allow."""
-        inputs = np.zeros((steps, 2))
-        if self._accelerates:
-            speeds = x[3:]
-            for u in inputs:
-                u[:] = np.clip(-speeds / self._dt_s, -self._u_max, self._u_max)
-                speeds = speeds + self._dt_s * u
-        return inputs
+        """Return inputs (steps, m) that bring the robot to rest as fast as the bounds allow."""
+        return self._robot.braking(x, self._u_max, self._dt_s, steps)
 
     def _first_guesses(self) -> list[NDArray[np.float64]]:
-        """Return inputs (H, 2): forward and backward, each turning left and right.
+        """Return inputs (H, m) of either sign: for wheels forward and backward, left and right.
 
         No input at all is a stationary point of parallel parking, where a solver stays.
         """
-        course = np.full(self._rollout.horizon, START_EFFORT)
-        if self._accelerates:
-            # Speed up for half the horizon and slow down again.
-            course[(self._rollout.horizon + 1) // 2 :] *= -1.0
-        signs = ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
+        course = START_EFFORT * self._robot.effort(self._rollout.horizon)
+        signs = itertools.product((1.0, -1.0), repeat=self._robot.input_dim)
         return [np.outer(course, self._u_max * sign) for sign in signs]
 
     def advance(self, x: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -172,7 +164,7 @@ class RecedingHorizon:
         return self._rollout.advance(x, u)
 
     def stage_cost(self, x: NDArray[np.float64], u: NDArray[np.float64]) -> float:
-        """Return what a stage costs in the state ``x`` (n,) under the input ``u`` (2,)."""
+        """Return what a stage costs in the state ``x`` (n,) under the input ``u`` (m,)."""
         return self._rollout.stage_cost(x, u)
 
 
@@ -234,9 +226,9 @@ def planning_problem(
                 "in each step is the state; switch one of them"
             )
         model = DisturbedPrediction(model)
-    if model.robot_kind != config.robot.kind:
+    if model.robot.name != config.robot.kind:
         raise ModelError(
-            f"the prediction model is of the {model.robot_kind} robot, but robot.kind is "
+            f"the prediction model is of the {model.robot.name} robot, but robot.kind is "
             f"{config.robot.kind}; train a model for it or choose the other robot"
         )
     if abs(model.dt_s - settings.dt_s) > 1e-9:
@@ -245,7 +237,7 @@ def planning_problem(
             f"{settings.dt_s}; train with --dt {settings.dt_s} or set controller.dt_s"
         )
     own = dictionary(config.model.dictionary, config.robot.kind)
-    return model, stage_cost(settings, model.dictionary or own)
+    return model, stage_cost(settings, model.robot, model.dictionary or own)
 
 
 def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd | None = None) -> Solver:

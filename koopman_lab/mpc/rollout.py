@@ -84,14 +84,15 @@ class Rollout:
         self, model: PredictionModel, cost: StageCost, horizon: int, library: Path | None = None
     ) -> None:
         self.horizon = horizon
-        self.state_dim = model.state_dim
+        self.robot = model.robot
         dim = model.disturbance_dim
         self._disturbed = disturbed(model)
         numbers = np.concatenate([model.parameters, cost.parameters])
         made = function(model, cost, horizon) if library is None else None
         self._call = Call(made or ca.external(FUNCTION, str(library)))
         self._call.arguments[2][:] = numbers
-        x, u, d = (ca.SX.sym(*of) for of in (("x", self.state_dim), ("u", 2), ("d", dim)))
+        x, u = ca.SX.sym("x", model.state_dim), ca.SX.sym("u", model.input_dim)
+        d = ca.SX.sym("d", dim)
         p = ca.vertcat(ca.DM(model.parameters[: len(model.parameters) - dim]), d)
         s, w = model.lift(x), ca.DM(cost.parameters)
         following, here = model.state(model.step(s, u, p)), model.cost(cost, s, u, w)
@@ -103,7 +104,7 @@ class Rollout:
         self._once.arguments[2][:] = d
 
     def trajectory(self, x0: Array, inputs: Array) -> Trajectory:
-        """Return what happens from the state ``x0`` (n,) on under ``inputs`` (H, 2)."""
+        """Return what happens from the state ``x0`` (n,) on under ``inputs`` (H, m)."""
         call = self._call
         call.arguments[0][:], call.arguments[1][:] = x0, inputs
         call.run()
@@ -118,17 +119,17 @@ class Rollout:
         x0
             State (n,).
         inputs
-            Inputs (H, 2).
+            Inputs (H, m).
         """
         found = self.trajectory(x0, inputs)
         return found.states, found.value
 
     def advance(self, x: Array, u: Array) -> Array:
-        """Return the state (n,) one sampling time after ``x`` (n,) under ``u`` (2,)."""
+        """Return the state (n,) one sampling time after ``x`` (n,) under ``u`` (m,)."""
         return self._at(x, u)[0].copy()
 
     def stage_cost(self, x: Array, u: Array) -> float:
-        """Return what a stage costs in the state ``x`` (n,) under ``u`` (2,)."""
+        """Return what a stage costs in the state ``x`` (n,) under ``u`` (m,)."""
         return float(self._at(x, u)[1][0])
 
     def _at(self, x: Array, u: Array) -> list[Array]:
@@ -143,18 +144,18 @@ def disturbed(model: PredictionModel) -> slice:
 
 
 def function(model: PredictionModel, cost: StageCost, horizon: int) -> Any:
-    """Return the CasADi function of state, inputs (2, H) and numbers of model and cost.
+    """Return the CasADi function of state, inputs (m, H) and numbers of model and cost.
 
     Its results are the fields of :class:`Trajectory`, a column for each stage.
     """
-    n, size = model.state_dim, model.size
-    s, x, u = ca.SX.sym("s", size), ca.SX.sym("x", n), ca.SX.sym("u", 2)
+    n, m, size = model.state_dim, model.input_dim, model.size
+    s, x, u = ca.SX.sym("s", size), ca.SX.sym("x", n), ca.SX.sym("u", m)
     p, w = ca.SX.sym("p", model.parameters.size), ca.SX.sym("w", cost.parameters.size)
     lift = ca.Function("lift", [x], [ca.densify(model.lift(x))])
     step = ca.Function("roll", [s, u, p], [ca.densify(model.step(s, u, p))])
     state = ca.Function("state", [s], [ca.densify(model.state(s))])
     stage = ca.Function("stage", [s, u, w], [model.cost(cost, s, u, w)])
-    x0, inputs = ca.MX.sym("x0", n), ca.MX.sym("inputs", 2, horizon)
+    x0, inputs = ca.MX.sym("x0", n), ca.MX.sym("inputs", m, horizon)
     numbers = ca.MX.sym("numbers", p.numel() + w.numel())
     of_model, weights = ca.vertsplit(numbers, [0, p.numel(), numbers.numel()])
     course = [lift(x0)]
@@ -164,7 +165,7 @@ def function(model: PredictionModel, cost: StageCost, horizon: int) -> Any:
     # The initial state is not read off, so that its angle is as it was given.
     later = state.map(horizon)(propagated[:, 1:])
     costs = stage.map("each_stage", "serial", horizon + 1, [2], [])(
-        propagated, ca.horzcat(inputs, ca.DM.zeros(2, 1)), weights
+        propagated, ca.horzcat(inputs, ca.DM.zeros(m, 1)), weights
     )
     return ca.Function(
         FUNCTION, [x0, inputs, numbers], [propagated, ca.horzcat(x0, later), ca.sum2(costs)]

@@ -14,7 +14,7 @@ from koopman_lab.config.schema import BackEnd
 from koopman_lab.errors import ConfigError
 from koopman_lab.mpc import compiled, ddp, stagewise
 from koopman_lab.mpc.costs import StageCost
-from koopman_lab.mpc.ocp import Bounds, OptimalControlProblem, transcribe
+from koopman_lab.mpc.ocp import OptimalControlProblem, bounds_for, transcribe
 from koopman_lab.mpc.prediction import PredictionModel
 from koopman_lab.mpc.rollout import Call, Rollout, disturbed
 
@@ -42,7 +42,7 @@ class Plan:
     Attributes
     ----------
     inputs
-        (H, 2), inside the bounds.
+        (H, m), inside the bounds.
     states
         (H + 1, n), simulated with the model under the inputs.
     value
@@ -74,7 +74,7 @@ class Solver(Protocol):
         """What tells the value of plans, for the same model, cost and horizon."""
 
     def solve(self, x0: Array, guess: Array) -> Plan:
-        """Return a plan for the state ``x0`` (n,), starting from the inputs ``guess`` (H, 2)."""
+        """Return a plan for the state ``x0`` (n,), starting from the inputs ``guess`` (H, m)."""
 
     def disturb(self, d: Array) -> None:
         """Plan from now on with other last parameters of the model (its ``disturbance_dim``,)."""
@@ -103,7 +103,7 @@ class DdpSolver:
         self._improver.disturb(d)
 
     def solve(self, x0: Array, guess: Array) -> Plan:
-        """Return a plan for the state ``x0`` (n,), starting from the inputs ``guess`` (H, 2)."""
+        """Return a plan for the state ``x0`` (n,), starting from the inputs ``guess`` (H, m)."""
         begun = self.rollout.trajectory(x0, guess)
         if not np.isfinite(begun.value):
             return Plan(guess, begun.states, begun.value, 0, False, NOT_FINITE)
@@ -177,7 +177,7 @@ class NlpSolver:
         self._problem.parameters[at : at + d.size] = d
 
     def solve(self, x0: Array, guess: Array) -> Plan:
-        """Return a plan for the state ``x0`` (n,), starting from the inputs ``guess`` (H, 2)."""
+        """Return a plan for the state ``x0`` (n,), starting from the inputs ``guess`` (H, m)."""
         begun = self._rollout.trajectory(x0, guess)
         if not np.isfinite(begun.value):
             return Plan(guess, begun.states, begun.value, 0, False, NOT_FINITE)
@@ -234,19 +234,19 @@ def make_solver(
     model, cost, horizon
         The problem.
     u_max
-        Largest magnitude of either input.
+        Largest magnitudes of the inputs (m,).
     back_end
         Which to use.
     most_iterations
         Of a call; None for :data:`MOST_ITERATIONS`.
     speed_max
-        Largest |v| and |omega| of the second-order robot; None for no bounds.
+        Largest |v| and |omega| of a robot whose state holds them; None for no bounds.
     use_compiler
         Whether to use a compiler if there is one.
     scaled
         Whether the objective is scaled by the guess's value; only for solvers of CasADi.
     """
-    bounds = Bounds(np.asarray(u_max, float), speed_max, model.speeds_at, model.dt_s)
+    bounds = bounds_for(model, u_max, speed_max)
     form = "not compiled"
     if back_end == "ddp" and speed_max is not None:
         back_end = "fatrop"

@@ -51,9 +51,9 @@ class _Stage:
     """Functions of one stage and their derivatives; matrices come as their nonzeros."""
 
     def __init__(self, model: PredictionModel, cost: StageCost) -> None:
-        n = self.size = model.size
-        x, u = ca.SX.sym("x", n), ca.SX.sym("u", 2)
-        z, rest = ca.vertcat(x, u), ca.SX.zeros(2)
+        n, m = self.size, self.inputs = model.size, model.input_dim
+        x, u = ca.SX.sym("x", n), ca.SX.sym("u", m)
+        z, rest = ca.vertcat(x, u), ca.SX.zeros(m)
         of_model = ca.SX.sym("model", model.parameters.size)
         weights = ca.SX.sym("weights", cost.parameters.size)
         p = ca.vertcat(of_model, weights)
@@ -81,15 +81,15 @@ class _Program:
     """The functions that ``casadi.nlpsol`` looks for in a library, by its names and arguments."""
 
     def __init__(self, stage: _Stage, horizon: int) -> None:
-        n = stage.size
-        self._stage, self._horizon, self._n = stage, horizon, n
-        self._size, self._rows = (n + 2) * horizon + n, n * (horizon + 1)
+        n, width = stage.size, stage.size + stage.inputs
+        self._stage, self._horizon, self._n, self._width = stage, horizon, n, width
+        self._size, self._rows = width * horizon + n, n * (horizon + 1)
         self._x = ca.MX.sym("x", self._size)
         self._p = ca.MX.sym("p", n + 1 + stage.parameters)
         self._lam_f, self._lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self._rows)
-        stages = ca.reshape(self._x[: (n + 2) * horizon], n + 2, horizon)
+        stages = ca.reshape(self._x[: width * horizon], width, horizon)
         self._states, self._inputs = stages[:n, :], stages[n:, :]
-        self._last = self._x[(n + 2) * horizon :]
+        self._last = self._x[width * horizon :]
         self._initial, self._factor = self._p[:n], self._p[n]
         self._numbers = self._p[n + 1 :]
 
@@ -181,7 +181,7 @@ class _Program:
 
     def _first_variables(self) -> Indices:
         """Return where each stage's variables begin, (H + 1,)."""
-        return np.arange(self._horizon + 1) * (self._n + 2)
+        return np.arange(self._horizon + 1) * self._width
 
 
 def _places(matrix: Any) -> tuple[Indices, Indices]:

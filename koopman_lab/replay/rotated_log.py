@@ -7,12 +7,16 @@ from pathlib import Path
 from koopman_lab.data.decode import log_file
 from koopman_lab.eventlog.eventlog import Damage, Event, read_events
 from koopman_lab.eventlog.logwriter import parts
+from koopman_lab.eventlog.older_layouts import present
 
 
 def read_rotated_log(
     path: Path, *, salvage: bool = False, damage: list[Damage] | None = None
 ) -> list[Event]:
     """Return the events of a log in the order they were written.
+
+    Messages of older layouts come in those of today
+    (:mod:`~koopman_lab.eventlog.older_layouts`).
 
     Parameters
     ----------
@@ -31,5 +35,6 @@ def read_rotated_log(
     events: list[Event] = []
     for file in parts(first) or [first]:
         if file == first or file.stat().st_size:  # a next file may be begun and ended by force
-            events.extend(read_events(file, salvage=salvage, damage=damage))
+            written = read_events(file, salvage=salvage, damage=damage)
+            events.extend(event._replace(data=present(event.data)) for event in written)
     return events

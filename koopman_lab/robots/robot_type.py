@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+import lcmtypes
 from koopman_lab.errors import ConfigError, LabStateError
 from koopman_lab.robots.body_drive import BodyDrive
 from koopman_lab.robots.command_message import CommandMessage
@@ -17,8 +18,8 @@ from koopman_lab.robots.standard_runs import StandardRuns
 Array = NDArray[np.float64]
 POSE_NAMES = ("x1", "x2", "theta")
 POSE_DIM = len(POSE_NAMES)
-MOST_STATES, MOST_INPUTS = 16, 8
-"""As many as the arrays of the messages hold: MPC_STATE, SAMPLER_STATE and REFERENCE_STATE."""
+MOST_STATES, MOST_INPUTS = lcmtypes.mpc_state_t.MOST_STATES, lcmtypes.mpc_state_t.MOST_INPUTS
+"""As many as the arrays of the messages hold."""
 Components = list[Any]
 """Numbers, arrays of equal shape, or CasADi symbols."""
 

@@ -6,6 +6,7 @@ depends on nothing but its arguments, so that a pool of processes can share the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +17,8 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.mpc.prediction import PredictionModel
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.mpc.solver import Solver
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.robot_type import POSE_DIM, RobotType
+from koopman_lab.robots.table import robot_type
 
 Array = NDArray[np.float64]
 
@@ -32,7 +34,7 @@ class Run:
     states
         (K + 1, n), relative to the goal.
     inputs
-        (K, 2).
+        (K, m).
     values
         Value function in the first K states, (K,).
     iterations
@@ -49,10 +51,8 @@ class Run:
     unsolved: int
 
 
-COLUMNS = (
-    *("time_s", "x1_m", "x2_m", "theta_rad", "v_m_per_s", "omega_rad_per_s"),
-    *("u1", "u2", "value"),
-)
+SPEEDS = ("v_m_per_s", "omega_rad_per_s")
+"""Columns that every table has, also of robots whose state does not hold these speeds."""
 
 
 def closed_loop(
@@ -84,7 +84,7 @@ def closed_loop(
         If configuration and model do not fit.
     """
     optimiser = receding_horizon(prediction, config, solver=solver)
-    robot, dt_s = nominal_model(config.robot.kind), config.controller.dt_s
+    robot, dt_s = robot_type(config.robot.kind), config.controller.dt_s
     steps = round(duration_s / dt_s)
     x = np.asarray(x0, float)
     states, decisions = [x], []
@@ -96,25 +96,49 @@ def closed_loop(
     return Run(
         dt_s * np.arange(steps + 1, dtype=np.float64),
         np.array(states),
-        np.array([d.u for d in decisions]).reshape(steps, 2),
+        np.array([d.u for d in decisions]).reshape(steps, robot.input_dim),
         np.array([d.plan.value for d in decisions]),
         np.array([d.iterations for d in decisions], int),
         sum(not d.solved for d in decisions),
     )
 
 
-def as_rows(run: Run) -> list[list[Any]]:
-    """Return a line of :data:`COLUMNS` for each step; the kinematic robot has no speeds."""
-    return [
-        [t, *x, *[None] * (5 - len(x)), *u, value]
-        for t, x, u, value in zip(
-            run.time_s[:-1].tolist(),
-            run.states[:-1].tolist(),
-            run.inputs.tolist(),
-            run.values.tolist(),
-            strict=True,
-        )
-    ]
+def columns(robot: RobotType) -> tuple[str, ...]:
+    """Return the columns of :func:`row`: time, pose, speeds, other states, inputs, value."""
+    others = [robot.states[index].column for index in _other_states(robot)]
+    pose = [state.column for state in robot.states[:POSE_DIM]]
+    inputs = [f"u{index + 1}" for index in range(robot.input_dim)]
+    return ("time_s", *pose, *SPEEDS, *others, *inputs, "value")
+
+
+def row(
+    robot: RobotType,
+    time_s: float,
+    x: Sequence[float],
+    u: Sequence[float],
+    value: float,
+    no_speed: float | None = None,
+) -> list[Any]:
+    """Return a line of :func:`columns`; ``no_speed`` stands for speeds that ``x`` does not hold."""
+    speeds: list[Any] = [x[index] for index in robot.speeds_at] or [no_speed] * len(SPEEDS)
+    others = [x[index] for index in _other_states(robot)]
+    return [time_s, *x[:POSE_DIM], *speeds, *others, *u, value]
+
+
+def as_rows(run: Run, robot: RobotType) -> list[list[Any]]:
+    """Return a line of :func:`columns` for each step."""
+    steps = zip(
+        run.time_s[:-1].tolist(),
+        run.states[:-1].tolist(),
+        run.inputs.tolist(),
+        run.values.tolist(),
+        strict=True,
+    )
+    return [row(robot, *step) for step in steps]
+
+
+def _other_states(robot: RobotType) -> list[int]:
+    return [k for k in range(POSE_DIM, robot.state_dim) if k not in robot.speeds_at]
 
 
 def x2_last_mm(run: Run) -> float:

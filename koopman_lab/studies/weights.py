@@ -68,22 +68,21 @@ def apply(config: LabConfig, setting: Setting, observables: Dictionary) -> LabCo
     """Return the configuration of a setting."""
     controller = config.controller
     weights = controller.weights[setting.cost]
-    names = ("x1", "x2", "theta", "v", "omega")[: observables.state_dim]
-    q = weights.q
+    names, q = observables.robot.state_names, weights.q
     if setting.cost == "ds":
         names = observables.names
         q = q if len(q) > 1 else q * observables.size
     by_group = dict(zip(GROUPS, setting.factors, strict=True))
-    v, omega = (by_group["inputs"] * r for r in weights.r)
-    a, b = (setting.bounds * u for u in controller.u_max)
-    scaled = Weights(
-        q=tuple(by_group.get(group_of(n), 1.0) * w for n, w in zip(names, q, strict=True)),
-        r=(v, omega),
+    scaled = Weights.model_validate(
+        {
+            "q": [by_group.get(group_of(n), 1.0) * w for n, w in zip(names, q, strict=True)],
+            "r": [by_group["inputs"] * r for r in weights.r],
+        }
     )
     chosen = {
         "cost": setting.cost,
         "weights": {**controller.weights, setting.cost: scaled},
-        "u_max": (a, b),
+        "u_max": tuple(setting.bounds * u for u in controller.u_max),
     }
     return changed(config, "controller", **chosen)
 

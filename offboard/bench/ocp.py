@@ -165,7 +165,7 @@ def compare(config: LabConfig, model: BilinearModel, count: int) -> Iterator[Row
         lab = changed(config, "controller", reprojection=name == "reprojected")
         tasks = record(lab, KoopmanPrediction(model), count)
         prediction = KoopmanPrediction(model) if name == "reprojected" else LiftedPrediction(model)
-        cost = stage_cost(lab.controller, model.dictionary)
+        cost = stage_cost(lab.controller, model.robot, model.dictionary)
         timed = _time(lab, prediction, cost, tasks)
         yield from _rows(lab, prediction, cost, name, tasks, timed)
 

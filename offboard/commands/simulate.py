@@ -116,22 +116,25 @@ def _write(place: RunFolder, lab: LabConfig, runs: dict[str, Run], model: Path |
 
     from koopman_lab.figures.path import Curve, draw_paths
     from koopman_lab.files import write_csv
-    from koopman_lab.studies.closed_loop import COLUMNS, as_rows, x2_last_mm
+    from koopman_lab.robots.table import robot_type
+    from koopman_lab.studies import closed_loop
 
     table = Table(box=None, pad_edge=False, title="where the robot is at the end")
     table.add_column("controller", no_wrap=True)
     columns = ("x1 (mm)", "|x2| (mm)", "last s (mm)", "theta (deg)", "value", "iter.", "unsolved")
     for column in columns:
         table.add_column(column, justify="right")
-    facts, curves = {}, []
+    facts, curves, robot = {}, [], robot_type(lab.robot.kind)
     for name, run in runs.items():
-        write_csv(place.path / f"{name}.csv", COLUMNS, as_rows(run))
+        write_csv(
+            place.path / f"{name}.csv", closed_loop.columns(robot), closed_loop.as_rows(run, robot)
+        )
         curves.append(Curve(name, run.time_s[:-1], run.states[:-1, :3], run.values))
         x1, x2, theta = run.states[-1, :3].tolist()
         facts[name] = {
             "final_state": run.states[-1].tolist(),
             "x2_mm": 1e3 * abs(x2),
-            "x2_mm_last_second": x2_last_mm(run),
+            "x2_mm_last_second": closed_loop.x2_last_mm(run),
             "value": float(run.values[-1]),
             "iterations_mean": float(run.iterations.mean()),
             "unsolved": run.unsolved,
@@ -140,7 +143,7 @@ def _write(place: RunFolder, lab: LabConfig, runs: dict[str, Run], model: Path |
             name,
             f"{1e3 * x1:.3f}",
             f"{1e3 * abs(x2):.4f}",
-            f"{x2_last_mm(run):.4f}",
+            f"{closed_loop.x2_last_mm(run):.4f}",
             f"{math.degrees(theta):.3f}",
             f"{run.values[-1]:.2e}",
             f"{run.iterations.mean():.1f}",

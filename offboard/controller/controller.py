@@ -75,10 +75,9 @@ class Outputs:
         Whether to hold the robot by commands. Otherwise it is given up, and the motor loop brings
         it to rest: for that it needs neither cameras nor this process.
     u
-        Input (m,) for the next sampling interval, as the robot's kind has it.
+        Input (m,) for the next sampling interval, in the units of the robot's inputs.
     state_in_goal_frame
-        (5,) when the command acts: m, m, rad, m/s, rad/s; the speeds are zero for the kinematic
-        robot.
+        (n,) when the command acts, in the units of the robot's states.
     pose_utime
         Exposure time of the newest usable frame in us, None before the first.
     value, stage_cost
@@ -137,6 +136,7 @@ class Controller:
         robot = robot_type(config.robot.kind)
         self._speeds_at = robot.speeds_at
         self._no_input = np.zeros(robot.input_dim)
+        self._state_dim = robot.state_dim
         self.optimiser = optimiser
         """What finds the inputs."""
         self._estimator = StateEstimator(config, goal, optimiser.advance)
@@ -294,9 +294,7 @@ class Controller:
         return replace(outputs, finished=stopped or blind or late)
 
     def _report(self, x: NDArray[np.float64] | None, u: NDArray[np.float64]) -> Outputs:
-        state_in_goal_frame = np.zeros(5)
-        if x is not None:
-            state_in_goal_frame[: len(x)] = x
+        state_in_goal_frame = np.zeros(self._state_dim) if x is None else x
         frame = self._estimator.frame
         pose_utime = None if frame is None else frame.utime
         holds = self.state in (State.WAIT, State.DRIVING)

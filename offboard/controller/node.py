@@ -57,6 +57,8 @@ class ControllerNode:
         prediction = load_prediction(model, config.controller) if isinstance(model, Path) else model
         optimiser = receding_horizon(prediction, config, solver=solver)
         self.controller = Controller(config, optimiser, goal)
+        self.robot = prediction.robot
+        """Which robot is driven."""
         self.marker_offset = prediction.marker_offset
         """Pose of the tracked frame on the robot, as the model knows it."""
         self._robot_in_tracked_frame = relative_to(self.marker_offset, ORIGIN)
@@ -106,7 +108,7 @@ class ControllerNode:
             solve_ms=tuple(self.solve_ms),
             pose_age_ms=tuple(self.pose_age_ms),
             missed_deadlines=missed_deadlines,
-            trajectory=trajectory_rows(self.trajectory),
+            trajectory=trajectory_rows(self.robot, self.trajectory),
         )
 
     def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:

@@ -6,7 +6,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import lcmtypes
+from koopman_lab.bus.message_values import padded
 from koopman_lab.geometry.planar import Pose
+from koopman_lab.robots.robot_type import RobotType
+from koopman_lab.studies.closed_loop import row
 from offboard.controller.controller import Outputs
 from offboard.desk.results import Row
 
@@ -14,8 +17,8 @@ from offboard.desk.results import Row
 class TrajectoryPoint(NamedTuple):
     """One step of the drive.
 
-    ``utime`` in us; ``state`` relative to the goal in m, m, rad, m/s, rad/s (speeds zero for the
-    kinematic robot); ``u`` as the robot's kind has it; ``value`` is the cost of the plan.
+    ``utime`` in us; ``state`` relative to the goal and ``u`` in the units of the robot's states and
+    inputs; ``value`` is the cost of the plan.
     """
 
     utime: int
@@ -24,11 +27,12 @@ class TrajectoryPoint(NamedTuple):
     value: float
 
 
-def trajectory_rows(points: Sequence[TrajectoryPoint]) -> tuple[Row, ...]:
+def trajectory_rows(robot: RobotType, points: Sequence[TrajectoryPoint]) -> tuple[Row, ...]:
     """Return the steps of a drive as they are written, with times in s since the first one."""
     first_us = points[0].utime if points else 0
     return tuple(
-        ((point.utime - first_us) * 1e-6, *point.state, *point.u, point.value) for point in points
+        tuple(row(robot, (p.utime - first_us) * 1e-6, p.state, p.u, p.value, no_speed=0.0))
+        for p in points
     )
 
 
@@ -38,8 +42,8 @@ def mpc_state(outputs: Outputs, goal: Pose, solve_ms: float, utime: int) -> lcmt
     message.utime = utime
     message.state = outputs.state
     message.goal = list(goal)
-    message.state_in_goal_frame = outputs.state_in_goal_frame.tolist()
-    message.u = list(outputs.u)
+    message.state_in_goal_frame = padded(outputs.state_in_goal_frame, message.MOST_STATES)
+    message.inputs, message.u = len(outputs.u), padded(outputs.u, message.MOST_INPUTS)
     message.value_function, message.stage_cost = outputs.value, outputs.stage_cost
     message.solve_ms = solve_ms
     message.iterations, message.solved = outputs.iterations, outputs.solved

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from koopman_lab.geometry.planar import Pose
 
-Row = Annotated[tuple[float, ...], Field(min_length=9, max_length=9)]
+Row = Annotated[tuple[float, ...], Field(min_length=8)]
 
 
 class Result(BaseModel):
@@ -103,8 +103,9 @@ class ParkOutcome(ParkEnd):
     """Number of ticks that came too late and were skipped; 0 in lockstep."""
     trajectory: tuple[Row, ...]
     """Each driving step: time since the first one (s), the state relative to the goal (m, m, rad,
-    m/s, rad/s; speeds zero for the kinematic robot), the input (m/s, rad/s or m/s^2, rad/s^2), and
-    the value function; the columns of ``trajectory.csv``."""
+    m/s, rad/s, then what else the robot's state holds; speeds zero where it holds none), the input
+    in the units of the robot's inputs, and the value function; the columns of
+    ``trajectory.csv``."""
 
 
 class Summary(Result):

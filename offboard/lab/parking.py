@@ -16,6 +16,8 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.files import write_csv
 from koopman_lab.geometry.planar import ORIGIN, Pose
+from koopman_lab.robots.robot_type import RobotType
+from koopman_lab.robots.table import robot_type
 from offboard.desk.results import ParkEnd, ParkOutcome, ParkSummary, Spread
 from offboard.lab.run_folder import RunFolder
 from offboard.lab.session import run_session
@@ -163,7 +165,7 @@ def park(
         If the run cannot be made.
     """
     outcome = run_session(session, config, folder, listener).outcome
-    _write_trajectory(folder, outcome)
+    _write_trajectory(folder, robot_type(config.robot.kind), outcome)
     log = SessionLog(folder.log)
     summary = ParkSummary(
         **outcome.model_dump(include=ParkEnd.model_fields.keys() | {"missed_deadlines"}),
@@ -177,12 +179,12 @@ def park(
     return summary
 
 
-def _write_trajectory(folder: RunFolder, outcome: ParkOutcome) -> None:
+def _write_trajectory(folder: RunFolder, robot: RobotType, outcome: ParkOutcome) -> None:
     """Write the driving steps as a table, and draw the path if there is one."""
     from koopman_lab.figures.path import Curve, draw_paths
-    from koopman_lab.studies.closed_loop import COLUMNS
+    from koopman_lab.studies.closed_loop import columns
 
-    write_csv(folder.path / TRAJECTORY, COLUMNS, outcome.trajectory)
+    write_csv(folder.path / TRAJECTORY, columns(robot), outcome.trajectory)
     if outcome.trajectory:
         steps = np.array(outcome.trajectory)
         curve = Curve("", steps[:, 0], steps[:, 1:4], steps[:, -1])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.commanders import NOBODY
+from koopman_lab.bus.message_values import padded
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose
@@ -101,7 +102,8 @@ class ReferenceNode:
         message.utime = utime
         message.phase, message.shape = action.phase, self._shape
         message.run, message.step, message.steps = action.run, action.step, len(driver.inputs)
-        message.u1, message.u2 = action.u or (0.0, 0.0)
+        u = action.u or (0.0,) * len(driver.inputs[0])
+        message.inputs, message.u = len(u), padded(u, message.MOST_INPUTS)
         message.runs_done, message.runs_total = driver.done, driver.total
         message.start_x1_m, message.start_x2_m, message.start_theta_rad = driver.start
         self._port.publish(channels.REFERENCE_STATE, message)

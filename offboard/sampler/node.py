@@ -6,6 +6,7 @@ import numpy as np
 
 import lcmtypes
 from koopman_lab.bus import channels
+from koopman_lab.bus.message_values import padded
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose, Velocity
@@ -102,7 +103,7 @@ class SamplerNode:
         message.utime = utime
         message.phase = action.phase
         message.segment, message.basis_index = action.segment, action.basis_index
-        message.u1, message.u2 = action.u
+        message.inputs, message.u = len(action.u), padded(action.u, message.MOST_INPUTS)
         message.segments_done, message.segments_total = self.sampler.done, self.sampler.total
         message.samples = self.sampler.frames
         message.redraws = self.sampler.redraws.total()

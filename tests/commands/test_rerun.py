@@ -6,8 +6,8 @@ import pytest
 from klab import MODEL, REFERENCE, SMALL_AREA, klab, klab_ok
 
 from koopman_lab.bus.channels import SAMPLER_STATE
-from koopman_lab.eventlog.eventlog import read_events
 from koopman_lab.eventlog.logwriter import EventLogWriter
+from koopman_lab.replay.rotated_log import read_rotated_log
 
 SPOKEN = {
     "sampler": {"SAMPLER_HEARTBEAT", "SAMPLER_STATE", "SESSION_INFO", "TIME_PONG", "VELOCITY_CMD"},
@@ -136,7 +136,7 @@ def rewritten(tmp_path, change):
     """Return the reference with each event changed, or left out where ``change`` says None."""
     path = tmp_path / "changed.lcm"
     with EventLogWriter(path) as log:
-        for event in read_events(REFERENCE / "calibration.lcm"):
+        for event in read_rotated_log(REFERENCE / "calibration.lcm"):
             data = change(event)
             if data is not None:
                 log.write(event.channel, data, event.timestamp_us)

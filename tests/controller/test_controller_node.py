@@ -74,8 +74,10 @@ def test_the_lab_parks(tmp_path, robot):
     assert tuple(reports[0].goal) == GOAL
     for report, point in zip(driving, lab.controller.trajectory, strict=True):
         assert (report.utime, report.value_function) == (point.utime, point.value)
-        assert tuple(report.state_in_goal_frame) == point.state
-        assert tuple(report.u) == point.u
+        assert report.state_in_goal_frame[: len(point.state)] == point.state
+        assert not any(report.state_in_goal_frame[len(point.state) :])
+        assert (report.inputs, report.u[:2]) == (2, point.u)
+        assert not any(report.u[2:])
         assert report.solve_ms == 0.0
         assert report.horizon == lab.config.controller.horizon + 1
         assert 0 < report.pose_age_us < 20_000

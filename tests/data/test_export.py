@@ -11,14 +11,15 @@ from koopman_lab.bus.channels import MPC_STATE
 from koopman_lab.bus.message_values import plain
 from koopman_lab.data.export import export_csv, export_mcap
 from koopman_lab.errors import LogError
-from koopman_lab.eventlog.eventlog import Event, read_events
+from koopman_lab.eventlog.eventlog import Event
+from koopman_lab.replay.rotated_log import read_rotated_log
 
 PARK = Path(__file__).parent / "reference" / "park.lcm"
 
 
 @pytest.fixture(scope="module")
 def events():
-    return list(read_events(PARK))
+    return read_rotated_log(PARK)
 
 
 def test_csv_has_a_file_a_channel_with_a_row_a_message(events, tmp_path):

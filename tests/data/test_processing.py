@@ -13,6 +13,7 @@ from koopman_lab.data.processing import (
 )
 from koopman_lab.data.segments import Run, Segment
 from koopman_lab.geometry.planar import wrap_angle
+from koopman_lab.robots.nominal_model import DYNAMIC, KINEMATIC
 
 RATE = 240.0
 RUN = Run(0, 1, (0.2, 0.0), 0, 10_000_000)
@@ -78,7 +79,7 @@ def test_sliding_sideways_is_lateral_velocity():
 def test_states_of_a_straight_acceleration_are_exact(window):
     utime = camera_times(200)
     t = utime / 1e6
-    found = states(segment(utime, 0.1 * t**2, 0 * t, 0 * t), "dynamic", window)
+    found = states(segment(utime, 0.1 * t**2, 0 * t, 0 * t), DYNAMIC, window)
     cut = 1 + margin(window)
     assert np.array_equal(found.utime_us, utime[cut:-cut])
     kept = t[cut:-cut]
@@ -91,16 +92,14 @@ def test_states_of_a_straight_acceleration_are_exact(window):
 def test_a_segment_shorter_than_window_and_difference_gives_nothing():
     utime = camera_times(42)
     t = utime / 1e6
-    assert len(states(segment(utime, t, t, t), "dynamic", 40).x) == 0
-    assert (
-        len(states(segment(camera_times(43), *[camera_times(43) / 1e6] * 3), "dynamic", 40).x) == 1
-    )
+    assert len(states(segment(utime, t, t, t), DYNAMIC, 40).x) == 0
+    assert len(states(segment(camera_times(43), *[camera_times(43) / 1e6] * 3), DYNAMIC, 40).x) == 1
 
 
 def test_the_kinematic_robot_keeps_every_pose_as_it_is():
     utime = camera_times(10)
     noisy = np.random.default_rng(0).normal(size=(3, 10))
-    found = states(segment(utime, *noisy), "kinematic", 40)
+    found = states(segment(utime, *noisy), KINEMATIC, 40)
     assert np.array_equal(found.x[:, :2], noisy[:2].T)
     assert np.array_equal(found.utime_us, utime)
 
@@ -108,7 +107,7 @@ def test_the_kinematic_robot_keeps_every_pose_as_it_is():
 def test_angles_are_continued_through_the_jump():
     utime = camera_times(1000)
     theta = 3.0 + 2.0 * utime / 1e6
-    found = states(segment(utime, 0 * utime, 0 * utime, theta), "dynamic", 10)
+    found = states(segment(utime, 0 * utime, 0 * utime, theta), DYNAMIC, 10)
     assert np.diff(found.x[:, 2]).max() < 0.01
     assert found.x[:, 4] == pytest.approx(np.full(len(found.x), 2.0), abs=1e-9)
 

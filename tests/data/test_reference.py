@@ -6,6 +6,7 @@ from synthetic_session import EPOCH_US
 
 import lcmtypes
 from koopman_lab.bus.channels import MOCAP_POSE, REFERENCE_STATE, SESSION_INFO
+from koopman_lab.bus.message_values import padded
 from koopman_lab.config.load import dump_config, load_config
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.reference import reference_runs
@@ -43,7 +44,7 @@ class Driven:
         state.sequence = run * len(self.inputs) + step
         state.phase, state.shape, state.run, state.step = RUN, self.shape, run, step
         state.steps = len(self.inputs)
-        state.u1, state.u2 = self.inputs[step]
+        state.inputs, state.u = 2, padded(self.inputs[step], state.MOST_INPUTS)
         state.start_x1_m, state.start_x2_m, state.start_theta_rad = self.start[:3]
         return state
 
@@ -93,7 +94,7 @@ def test_states_and_inputs_are_those_driven(tmp_path, robot):
         assert t.utime_us[0] <= t.start_us
         assert t.utime_us[-1] >= t.end_us
     starts = starts_along(runs.trajectories(ORIGIN), 20, 0.05, 240.0)
-    last = per_step(rolling(by_nominal(robot, 0.05), starts))[-1]
+    last = per_step(rolling(by_nominal(runs.robot, 0.05), starts, runs.robot))[-1]
     # Smoothing moves a kink of a velocity by an eighth of the window, per unit of the kink.
     kink = np.abs(np.diff([(0.0, 0.0), *driven.inputs, (0.0, 0.0)], axis=0)).max(axis=0)
     v, omega = kink * 40 / 240 / 8 if robot == "dynamic" else (0.0, 0.0)

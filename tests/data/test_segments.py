@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import lcmtypes
+from koopman_lab.bus.message_values import padded
 from koopman_lab.data.message_arrays import decode_all, native_dtype
 from koopman_lab.data.segments import basis_runs, completed, cut
 from koopman_lab.eventlog.message_blocks import Messages
@@ -20,7 +21,8 @@ def sampler(*rows):
     for count, (phase, segment, index) in enumerate(rows):
         state = lcmtypes.sampler_state_t()
         state.utime, state.sequence, state.phase = 50 * MS * count, count, phase
-        state.segment, state.basis_index, state.u1, state.u2 = segment, index, 0.1 * index, 0.5
+        state.segment, state.basis_index = segment, index
+        state.inputs, state.u = 2, padded((0.1 * index, 0.5), state.MOST_INPUTS)
         made.append(state.encode())
     return decode_all(lcmtypes.sampler_state_t, Messages.joined(made))[0]
 

@@ -18,7 +18,7 @@ from koopman_lab.evaluation.metrics import (
 )
 from koopman_lab.evaluation.rolling import starts_along
 from koopman_lab.koopman.train import train
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.nominal_model import DYNAMIC, KINEMATIC, nominal_model
 
 
 @pytest.mark.parametrize("kind", ["kinematic", "dynamic"])
@@ -29,7 +29,9 @@ def test_the_nominal_model_has_no_error_on_its_own_trajectories(kind):
     starts = starts_along([at_commands], 10, DT_S, 1.0 / DT_S)
     assert len(starts.x0) == 39
     assert starts.inputs[7] == pytest.approx(at_commands.inputs[7:17], abs=1e-12)
-    for errors in per_step(rolling(by_nominal(kind, DT_S), starts)):
+    for errors in per_step(
+        rolling(by_nominal(nominal_model(kind), DT_S), starts, nominal_model(kind))
+    ):
         assert errors.starts == 40 - errors.steps
         assert errors.position_max_m < 1e-12
         assert errors.angle_max_rad < 1e-12
@@ -38,7 +40,7 @@ def test_the_nominal_model_has_no_error_on_its_own_trajectories(kind):
 def test_from_every_frame_velocities_are_met_exactly_and_poses_nearly():
     starts = starts_along([run(offset_us=1234)], 20, DT_S, RATE_HZ)
     assert len(starts.x0) == 12 * 39
-    errors = summary(rolling(by_nominal("dynamic", DT_S), starts)[:, 19], 20)
+    errors = summary(rolling(by_nominal(DYNAMIC, DT_S), starts, DYNAMIC)[:, 19], 20)
     assert errors.v_max_m_per_s < 1e-12
     assert errors.omega_max_rad_per_s < 1e-12
     # The angle is off by at most u dt^2 / 8 at either end of the way, whatever is in between.
@@ -53,7 +55,7 @@ def test_a_bias_of_the_speed_grows_with_the_steps_as_it_must():
         run=np.zeros(50, np.int64),
         time_s=np.arange(50) / RATE_HZ,
     )
-    biased = by_nominal("dynamic", DT_S)
+    biased = by_nominal(DYNAMIC, DT_S)
     v, omega = 0.03, -0.2
 
     def predict(x0, inputs):
@@ -62,12 +64,12 @@ def test_a_bias_of_the_speed_grows_with_the_steps_as_it_must():
     def turning(x0, inputs):
         return biased(x0 + np.array([0, 0, 0, 0, omega]), inputs)
 
-    for errors in per_step(rolling(predict, straight)):
+    for errors in per_step(rolling(predict, straight, DYNAMIC)):
         for found in (errors.position_mean_m, errors.position_p95_m, errors.position_max_m):
             assert found == pytest.approx(v * DT_S * errors.steps)
         assert errors.v_max_m_per_s == pytest.approx(v)
         assert errors.angle_max_rad == 0.0
-    for errors in per_step(rolling(turning, straight)):
+    for errors in per_step(rolling(turning, straight, DYNAMIC)):
         assert errors.angle_p50_rad == pytest.approx(abs(omega) * DT_S * errors.steps)
         assert errors.omega_mean_rad_per_s == pytest.approx(abs(omega))
         assert errors.position_max_m == 0.0
@@ -76,7 +78,7 @@ def test_a_bias_of_the_speed_grows_with_the_steps_as_it_must():
 def test_mean_median_percentile_and_maximum_are_those_of_the_distances():
     off = np.zeros((101, 3))
     off[:, 0], off[:, 1], off[:, 2] = 0.03 * np.arange(101), 0.04 * np.arange(101), 2 * np.pi + 0.1
-    errors = summary(deviations(off, np.zeros(3)), 1)
+    errors = summary(deviations(off, np.zeros(3), KINEMATIC), 1)
     assert errors.starts == 101
     assert errors.position_mean_m == errors.position_p50_m == pytest.approx(2.5)
     assert errors.position_p95_m == pytest.approx(4.75)
@@ -91,7 +93,7 @@ def test_states_that_nobody_measured_count_nowhere():
     kept[100:142] = False
     broken = whole._replace(utime_us=whole.utime_us[kept], x=whole.x[kept])
     starts = starts_along([broken], 3, DT_S, RATE_HZ)
-    found = rolling(by_nominal("dynamic", DT_S), starts)
+    found = rolling(by_nominal(DYNAMIC, DT_S), starts, DYNAMIC)
     assert np.isfinite(found[:, 0]).all()
     # Neither a start nor, 12 frames later, its first successor lies in the hole.
     assert len(starts.x0) == 12 * 19 - 42 - 12
@@ -134,5 +136,5 @@ def test_a_surrogate_is_measured_with_and_without_reprojection():
         x.append(nominal.step(x[-1], fixed.inputs[0], 1.0 / RATE_HZ))
     starts = starts_along([fixed._replace(x=np.array(x))], 10, DT_S, RATE_HZ)
     for reproject in (True, False):
-        found = rolling(by_model(model, reproject=reproject), starts)
+        found = rolling(by_model(model, reproject=reproject), starts, KINEMATIC)
         assert np.nanmax(found) < 1e-6

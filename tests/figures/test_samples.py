@@ -11,6 +11,7 @@ from koopman_lab.data.recording import recording
 from koopman_lab.data.segments import Run, Segment
 from koopman_lab.errors import DataError
 from koopman_lab.figures.samples import draw_samples, samples, smoothed
+from koopman_lab.robots.table import robot_type
 
 RATE_HZ = 240.0
 
@@ -51,7 +52,7 @@ def test_every_run_and_every_window_is_shown(recorded, tmp_path):
         # A point each 50 ms: the path of a second has twenty.
         assert {len(path) for _, path in part.paths} == {20}
         assert list(part.velocities) == [10, 40]
-    draw_samples(tmp_path / "samples", shown, ("m/s", "rad/s"))
+    draw_samples(tmp_path / "samples", shown, robot_type(recorded.config.robot.kind))
     assert {p.name for p in tmp_path.iterdir()} == {
         *("samples.pdf", "samples.png", "samples-positions.csv", "samples-velocities.csv")
     }

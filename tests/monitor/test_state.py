@@ -9,7 +9,7 @@ import pytest
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.config.load import load_config
-from koopman_lab.eventlog.eventlog import read_events
+from koopman_lab.replay.rotated_log import read_rotated_log
 from offboard.monitor.json_values import number
 from offboard.monitor.robot import ROW_S
 from offboard.monitor.state import LabView
@@ -21,7 +21,7 @@ YEAR_US = 365 * 86_400_000_000
 def seen(log: str, later_us: int = 0, until_us: int = YEAR_US) -> tuple[LabView, int]:
     """Show a log to a view as if it arrived so much later; return the view and the last time."""
     view, now_us = LabView(load_config()), 0
-    for event in read_events(REFERENCE / log):
+    for event in read_rotated_log(REFERENCE / log):
         if event.timestamp_us > until_us:
             break
         now_us = event.timestamp_us + later_us
@@ -32,7 +32,7 @@ def seen(log: str, later_us: int = 0, until_us: int = YEAR_US) -> tuple[LabView,
 def recorded(log, channel):
     return [
         channel.type.decode(event.data)
-        for event in read_events(REFERENCE / log)
+        for event in read_rotated_log(REFERENCE / log)
         if event.channel == channel.name("R1")
     ]
 
@@ -181,7 +181,7 @@ def test_a_replay_that_is_over_is_no_lab_that_fell_silent():
 
 def test_what_waited_while_a_process_stood_still_is_no_replay():
     view, now_us = seen("park.lcm", until_us=3_000_000)
-    events = [e for e in read_events(REFERENCE / "park.lcm") if e.timestamp_us > 3_000_000]
+    events = [e for e in read_rotated_log(REFERENCE / "park.lcm") if e.timestamp_us > 3_000_000]
     # All that was said since is read at once, half a minute late; then the robot speaks on.
     now_us += 30_000_000
     for k, event in enumerate(events):

@@ -15,12 +15,13 @@ from koopman_lab.mpc.costs import (
     QuadraticInObservables,
     stage_cost,
 )
+from koopman_lab.robots import nominal_model as robots
 
-KINEMATIC = MixedExponents((1.0, 5.0, 0.1), (0.5, 0.05))
+KINEMATIC = MixedExponents((1.0, 5.0, 0.1), (0.5, 0.05), robots.KINEMATIC.sideways)
 D5T = dictionary("D5t", "kinematic")
 CE = Quadratic((1.0, 5.0, 0.1), (0.5, 0.05))
 DS = QuadraticInObservables(D5T, (9.0, 1.0, 5.0, 0.1, 0.2), (0.5, 0.05))
-DYNAMIC = MixedExponents((1.0, 5.0, 0.1, 0.3, 0.2), (0.01, 0.02))
+DYNAMIC = MixedExponents((1.0, 5.0, 0.1, 0.3, 0.2), (0.01, 0.02), robots.DYNAMIC.sideways)
 FINITE = st.floats(-3.0, 3.0)
 
 
@@ -66,12 +67,18 @@ def test_a_weight_of_the_observables_is_for_all_or_each_has_its_own():
         overrides = ["controller.cost=ds", f"controller.weights.ds.q={q}"]
         return load_config(robot="kinematic", overrides=overrides).controller
 
-    assert stage_cost(settings([2.0]), D5T).q == (2.0,) * 5
-    assert stage_cost(settings([1, 2, 3, 4, 5]), D5T).q == (1.0, 2.0, 3.0, 4.0, 5.0)
+    assert stage_cost(settings([2.0]), robots.KINEMATIC, D5T).q == (2.0,) * 5
+    assert stage_cost(settings([1, 2, 3, 4, 5]), robots.KINEMATIC, D5T).q == (
+        1.0,
+        2.0,
+        3.0,
+        4.0,
+        5.0,
+    )
     with pytest.raises(ConfigError, match=r"has 2 weights.*D5t has 5.*cos\(theta\)"):
-        stage_cost(settings([1.0, 2.0]), D5T)
+        stage_cost(settings([1.0, 2.0]), robots.KINEMATIC, D5T)
     with pytest.raises(ConfigError, match="choose me or ce"):
-        stage_cost(settings([1.0]))
+        stage_cost(settings([1.0]), robots.KINEMATIC)
 
 
 def test_a_whole_trajectory_is_costed_at_once():
@@ -86,7 +93,7 @@ def test_a_whole_trajectory_is_costed_at_once():
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
 def test_the_configuration_names_the_weights(robot, name):
     settings = load_config(robot=robot, overrides=[f"controller.cost={name}"]).controller
-    cost, weights = stage_cost(settings), settings.weights[name]
+    cost, weights = stage_cost(settings, robots.nominal_model(robot)), settings.weights[name]
     for index, weight in enumerate(weights.q):
         unit = np.eye(len(weights.q))[index]
         assert cost(unit, [0.0, 0.0]) == weight

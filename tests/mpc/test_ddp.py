@@ -7,6 +7,8 @@ from koopman_lab.config.load import load_config
 from koopman_lab.mpc.costs import Quadratic, stage_cost
 from koopman_lab.mpc.prediction import NominalPrediction
 from koopman_lab.mpc.solver import make_solver
+from koopman_lab.robots.dynamic import DYNAMIC
+from koopman_lab.robots.kinematic import KINEMATIC
 
 HORIZON = 12
 
@@ -15,7 +17,7 @@ HORIZON = 12
 def solver():
     settings = load_config(robot="dynamic").controller
     model = NominalPrediction("dynamic", 0.05)
-    return make_solver(model, stage_cost(settings), HORIZON, (1.0, 3.0))
+    return make_solver(model, stage_cost(settings, DYNAMIC), HORIZON, (1.0, 3.0))
 
 
 def test_at_the_goal_there_is_nothing_to_do(solver):
@@ -48,7 +50,9 @@ def test_what_is_not_finite_is_said_to_be_no_plan(solver):
 def test_too_few_iterations_count_if_they_improve_the_guess():
     settings = load_config(robot="kinematic").controller
     model = NominalPrediction("kinematic", 0.05)
-    once = make_solver(model, stage_cost(settings), HORIZON, (0.4, 1.5), most_iterations=1)
+    once = make_solver(
+        model, stage_cost(settings, KINEMATIC), HORIZON, (0.4, 1.5), most_iterations=1
+    )
     x0, guess = np.array([0.5, 0.4, 0.3]), np.full((HORIZON, 2), 0.1)
     plan = once.solve(x0, guess)
     assert plan.ok

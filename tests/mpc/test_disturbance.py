@@ -93,5 +93,5 @@ def test_without_reprojection_there_is_no_state_to_correct():
 def test_everything_but_the_step_is_the_models_own():
     model = NominalPrediction("dynamic", 0.05)
     disturbed = DisturbedPrediction(model)
-    assert (disturbed.robot_kind, disturbed.dt_s, disturbed.size) == ("dynamic", 0.05, 5)
+    assert (disturbed.robot, disturbed.dt_s, disturbed.size) == (model.robot, 0.05, 5)
     assert disturbed.parameters.tolist() == [0.05, 0.0, 0.0, 0.0]

@@ -9,11 +9,14 @@ from koopman_lab.config.load import load_config
 from koopman_lab.errors import ConfigError
 from koopman_lab.koopman.train import train
 from koopman_lab.mpc.costs import MixedExponents, stage_cost
-from koopman_lab.mpc.ocp import Bounds, transcribe
+from koopman_lab.mpc.ocp import Bounds, bounds_for, transcribe
 from koopman_lab.mpc.prediction import LiftedPrediction, NominalPrediction
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import NlpSolver, make_solver
+from koopman_lab.robots.dynamic import DYNAMIC
+from koopman_lab.robots.kinematic import KINEMATIC
 from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.table import robot_type
 
 STARTS = {
     "kinematic": [[0.0, 0.5, 0.0], [-1.0, -0.5, -0.52], [0.01, 0.004, 0.02]],
@@ -28,7 +31,10 @@ def solvers():
     made = {}
     for robot in STARTS:
         settings = load_config(robot=robot).controller
-        model, cost = NominalPrediction(robot, settings.dt_s), stage_cost(settings)
+        model, cost = (
+            NominalPrediction(robot, settings.dt_s),
+            stage_cost(settings, robot_type(robot)),
+        )
         made[robot] = [
             make_solver(
                 model, cost, settings.horizon, settings.u_max, back_end, 200, use_compiler=compiler
@@ -67,7 +73,7 @@ def test_a_plan_obeys_the_bounds_the_model_and_the_cost(solvers, robot, x0):
     np.testing.assert_array_equal(plan.states[0], x0)
     followed = nominal_model(robot).step(plan.states[:-1], plan.inputs, settings.dt_s)
     np.testing.assert_allclose(plan.states[1:], followed, atol=1e-8)
-    cost, no_input = stage_cost(settings), np.zeros(2)
+    cost, no_input = stage_cost(settings, robot_type(robot)), np.zeros(2)
     stages = sum(cost(x, u) for x, u in zip(plan.states, plan.inputs, strict=False))
     assert plan.value == pytest.approx(stages + cost(plan.states[-1], no_input), rel=1e-12)
 
@@ -75,7 +81,8 @@ def test_a_plan_obeys_the_bounds_the_model_and_the_cost(solvers, robot, x0):
 @pytest.mark.parametrize(("robot", "x0"), PROBLEMS)
 def test_no_small_change_of_the_inputs_makes_a_plan_cheaper(solvers, robot, x0):
     settings = load_config(robot=robot).controller
-    model, cost = NominalPrediction(robot, settings.dt_s), stage_cost(settings)
+    model = NominalPrediction(robot, settings.dt_s)
+    cost = stage_cost(settings, model.robot)
     rollout = Rollout(model, cost, settings.horizon)
     plan = solvers[robot][0].solve(np.array(x0), guess_for(robot))
     rng, bound = np.random.default_rng(1), np.array(settings.u_max)
@@ -89,7 +96,7 @@ def test_no_small_change_of_the_inputs_makes_a_plan_cheaper(solvers, robot, x0):
 def test_one_step_straight_ahead_has_the_closed_form():
     # Minimise r v^4 + q (x1 + dt v)^4: r v^3 = -q dt (x1 + dt v)^3, so v = -c (x1 + dt v).
     q, r, dt, x1 = 1.0, 0.5, 0.1, 0.8
-    model, cost = NominalPrediction("kinematic", dt), MixedExponents((q, 5.0, 0.1), (r, 0.05))
+    model, cost = NominalPrediction("kinematic", dt), MixedExponents((q, 5.0, 0.1), (r, 0.05), (1,))
     c = (q * dt / r) ** (1.0 / 3.0)
     for back_end in ("ddp", "fatrop", "ipopt"):
         solver = make_solver(model, cost, 1, (1.0, 1.0), back_end)
@@ -105,7 +112,8 @@ def test_one_step_straight_ahead_has_the_closed_form():
 def test_a_simulated_trajectory_closes_all_gaps_and_has_the_objective_of_the_rollout(robot):
     horizon, factor, rng = 7, 3.0, np.random.default_rng(2)
     settings = load_config(robot=robot).controller
-    model, cost = NominalPrediction(robot, settings.dt_s), stage_cost(settings)
+    model = NominalPrediction(robot, settings.dt_s)
+    cost = stage_cost(settings, model.robot)
     problem = transcribe(model, cost, horizon, bounds(1.0, 2.0))
     x0, inputs = rng.normal(size=model.state_dim), rng.normal(size=(horizon, 2))
     states, value = Rollout(model, cost, horizon)(x0, inputs)
@@ -122,12 +130,12 @@ def test_a_simulated_trajectory_closes_all_gaps_and_has_the_objective_of_the_rol
 
 def test_inputs_are_bounded_and_speeds_only_if_asked_for():
     settings = load_config(robot="dynamic").controller
-    model, cost = NominalPrediction("dynamic", settings.dt_s), stage_cost(settings)
+    model, cost = NominalPrediction("dynamic", settings.dt_s), stage_cost(settings, DYNAMIC)
     problem = transcribe(model, cost, 3, bounds(1.0, 2.0))
     states, inputs = problem.unpack(problem.upper(np.zeros(5)))
     assert np.all(np.isinf(states))
     np.testing.assert_array_equal(inputs, np.tile([1.0, 2.0], (3, 1)))
-    limited = Bounds(np.array([1.0, 2.0]), (0.3, 0.9), model.speeds_at, 0.05)
+    limited = bounds_for(model, (1.0, 2.0), (0.3, 0.9))
     problem = transcribe(model, cost, 3, limited)
     states, _ = problem.unpack(problem.upper(np.array([0.0, 0.0, 0.0, -0.35, 0.5])))
     assert np.all(np.isinf(states[0]))
@@ -146,7 +154,13 @@ def test_a_plan_keeps_to_bounds_of_the_speeds(surrogate):
     settings, x0 = load_config(robot="dynamic").controller, np.array([-1.0, 0.0, 0.0, 0.0, 0.0])
     plans = [
         make_solver(
-            *(LiftedPrediction(surrogate), stage_cost(settings), 20, settings.u_max, "fatrop"),
+            *(
+                LiftedPrediction(surrogate),
+                stage_cost(settings, surrogate.robot),
+                20,
+                settings.u_max,
+                "fatrop",
+            ),
             speed_max=limit,
             use_compiler=False,
         ).solve(x0, np.full((20, 2), 0.01))
@@ -159,7 +173,10 @@ def test_a_plan_keeps_to_bounds_of_the_speeds(surrogate):
 
 def test_all_solvers_agree_without_reprojection(surrogate):
     settings = load_config(robot="dynamic", overrides=["controller.cost=ds"]).controller
-    model, cost = LiftedPrediction(surrogate), stage_cost(settings, surrogate.dictionary)
+    model, cost = (
+        LiftedPrediction(surrogate),
+        stage_cost(settings, surrogate.robot, surrogate.dictionary),
+    )
     x0, guess = np.array([1.0, 0.2, 0.785, 0.1, -0.3]), np.full((20, 2), 0.1)
     *plans, ipopt = (
         make_solver(model, cost, 20, settings.u_max, back_end, 200).solve(x0, guess)
@@ -187,7 +204,7 @@ def test_solving_is_silent_and_repeatable(solvers, capfd, back_end):
 @pytest.mark.parametrize("back_end", ["fatrop", "ipopt"])
 def test_running_out_of_iterations_counts_if_the_guess_was_improved(capfd, back_end):
     settings = load_config(robot="kinematic").controller
-    model, cost = NominalPrediction("kinematic", settings.dt_s), stage_cost(settings)
+    model, cost = NominalPrediction("kinematic", settings.dt_s), stage_cost(settings, KINEMATIC)
     problem = transcribe(model, cost, 10, bounds(*settings.u_max))
     solver = NlpSolver(problem, Rollout(model, cost, 10), back_end, most_iterations=1)
     x0, guess = np.array([0.0, 0.5, 0.0]), np.full((10, 2), 0.1)
@@ -202,7 +219,7 @@ def test_running_out_of_iterations_counts_if_the_guess_was_improved(capfd, back_
 
 def test_a_missing_back_end_is_named():
     settings = load_config(robot="kinematic").controller
-    model, cost = NominalPrediction("kinematic", settings.dt_s), stage_cost(settings)
+    model, cost = NominalPrediction("kinematic", settings.dt_s), stage_cost(settings, KINEMATIC)
     problem = transcribe(model, cost, 2, bounds(*settings.u_max))
     with pytest.raises(ConfigError, match="no_such_solver"):
         NlpSolver(problem, Rollout(model, cost, 2), "no_such_solver")

@@ -36,7 +36,7 @@ def as_function(model):
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
 def test_the_nominal_prediction_is_the_nominal_model(robot):
     model, prediction = nominal_model(robot), NominalPrediction(robot, 0.05)
-    assert (prediction.robot_kind, prediction.state_dim) == (robot, model.state_dim)
+    assert (prediction.robot, prediction.state_dim) == (model, model.state_dim)
     step, rng = as_function(prediction), np.random.default_rng(0)
     for _ in range(20):
         x, u = rng.normal(size=model.state_dim), rng.normal(size=2)
@@ -77,7 +77,7 @@ def test_without_reprojection_the_observables_are_propagated_as_they_are(name):
     with_rest = np.vstack([inputs, np.zeros(2)])
     expected = sum(cost.of_observables(p, u) for p, u in zip(psi, with_rest, strict=True))
     assert found.value == pytest.approx(expected, rel=1e-12)
-    of_states = MixedExponents(tuple(weights[0][:n]), tuple(weights[1]))
+    of_states = MixedExponents(tuple(weights[0][:n]), tuple(weights[1]), model.robot.sideways)
     value = Rollout(LiftedPrediction(model), of_states, horizon)(x0, inputs)[1]
     assert value == pytest.approx(np.sum(of_states(predicted.T, with_rest.T)), rel=1e-12)
 
@@ -85,7 +85,7 @@ def test_without_reprojection_the_observables_are_propagated_as_they_are(name):
 def test_a_model_file_becomes_a_prediction(tmp_path):
     exact_d5t().save(tmp_path / "model.npz")
     prediction = load_prediction(tmp_path / "model.npz", CONTROLLER)
-    assert (prediction.robot_kind, prediction.state_dim, prediction.dt_s) == ("kinematic", 3, 0.05)
+    assert (prediction.robot.name, prediction.state_dim, prediction.dt_s) == ("kinematic", 3, 0.05)
     nominal = CONTROLLER.model_copy(update={"predict": "nominal"})
     assert isinstance(load_prediction(tmp_path / "model.npz", nominal), NominalPrediction)
     with pytest.raises(ModelError, match=r"absent\.npz"):

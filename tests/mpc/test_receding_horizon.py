@@ -43,7 +43,10 @@ class ScriptedSolver:
 def make(robot, script, overrides=(), back_end="ddp"):
     config = load_config(robot=robot, overrides=overrides)
     settings = config.controller
-    model, cost = NominalPrediction(robot, settings.dt_s), stage_cost(settings)
+    model, cost = (
+        NominalPrediction(robot, settings.dt_s),
+        stage_cost(settings, nominal_model(robot)),
+    )
     rollout = Rollout(model, cost, settings.horizon)
     solver = ScriptedSolver(
         make_solver(model, cost, settings.horizon, settings.u_max, back_end), rollout, script
@@ -59,7 +62,8 @@ def nominal_loop(robot, overrides=()):
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
 def test_the_nominal_robot_reaches_the_goal_and_the_value_falls(robot):
     horizon, config = nominal_loop(robot)
-    model, cost, dt_s = nominal_model(robot), stage_cost(config.controller), config.controller.dt_s
+    model, dt_s = nominal_model(robot), config.controller.dt_s
+    cost = stage_cost(config.controller, model)
     x, plans = START[robot], []
     for _ in range(200):
         decision = horizon.step(x)

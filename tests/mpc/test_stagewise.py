@@ -43,8 +43,8 @@ def prediction(name, seed=0):
 
 def weights(model, name="me"):
     overrides = [f"controller.cost={name}"]
-    settings = load_config(robot=model.robot_kind, overrides=overrides).controller
-    return stage_cost(settings, model.dictionary)
+    settings = load_config(robot=model.robot.name, overrides=overrides).controller
+    return stage_cost(settings, model.robot, model.dictionary)
 
 
 @pytest.fixture

@@ -10,10 +10,13 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from random_messages import fields, has_fixed_size, messages
 
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.eventlog.eventlog import LONGEST_NAME
+from koopman_lab.eventlog.older_layouts import OLDER_LAYOUTS
+from koopman_lab.robots.robot_type import MOST_INPUTS, MOST_STATES
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted((ROOT / "lcmtypes").glob("*.lcm"))
@@ -38,21 +41,7 @@ def test_what_is_installed_is_what_the_sources_generate(generated):
     assert (differing, missing) == ([], []), remedy
 
 
-VALUES = {
-    "int8_t": st.integers(-(2**7), 2**7 - 1),
-    "int16_t": st.integers(-(2**15), 2**15 - 1),
-    "int32_t": st.integers(-(2**31), 2**31 - 1),
-    "int64_t": st.integers(-(2**63), 2**63 - 1),
-    "byte": st.integers(0, 255),
-    "float": st.floats(width=32),
-    "double": st.floats(),
-    "boolean": st.booleans(),
-}
-FIXED = [
-    message
-    for message in (getattr(lcmtypes, s.stem) for s in SOURCES)
-    if not any(message.__dimensions__) and "string" not in message.__typenames__
-]
+FIXED = [t for t in (getattr(lcmtypes, s.stem) for s in SOURCES) if has_fixed_size(t)]
 
 
 def by_lcm_gen(message):
@@ -65,9 +54,7 @@ def by_lcm_gen(message):
 @pytest.mark.parametrize("kind", FIXED, ids=lambda k: k.__name__)
 @given(st.data())
 def test_the_codec_writes_and_reads_the_bytes_of_lcm_gen(kind, data):
-    message = kind()
-    for name, typename in zip(kind.__slots__, kind.__typenames__, strict=True):
-        setattr(message, name, data.draw(VALUES[typename]))
+    message = data.draw(messages(kind))
     wire = by_lcm_gen(message)
     assert message.encode() == wire
     expected = kind._decode_one(io.BytesIO(wire[8:]))
@@ -93,9 +80,18 @@ def test_each_source_holds_the_struct_it_is_named_after():
         assert source.stem.endswith("_t")
 
 
-def test_all_fingerprints_differ():
-    fingerprints = {getattr(lcmtypes, s.stem)._get_packed_fingerprint() for s in SOURCES}
-    assert len(fingerprints) == len(SOURCES)
+def test_all_fingerprints_differ_those_of_older_layouts_too():
+    fingerprints = [getattr(lcmtypes, s.stem)._get_packed_fingerprint() for s in SOURCES]
+    fingerprints += [layout.fingerprint for layout in OLDER_LAYOUTS]
+    assert len(set(fingerprints)) == len(fingerprints)
+
+
+def test_arrays_of_the_robot_have_one_length_in_all_messages():
+    lengths = {"u": MOST_INPUTS, "state_in_goal_frame": MOST_STATES}
+    for kind in (lcmtypes.mpc_state_t, lcmtypes.sampler_state_t, lcmtypes.reference_state_t):
+        assert kind.MOST_INPUTS == MOST_INPUTS
+        for name, _, length in fields(kind):
+            assert name not in lengths or length == lengths[name]
 
 
 def test_every_message_begins_with_its_time_and_its_number():

@@ -8,7 +8,7 @@ from koopman_lab.config.load import load_config
 from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction
 from koopman_lab.mpc.receding_horizon import solver_of
 from koopman_lab.robots.nominal_model import nominal_model
-from koopman_lab.studies.closed_loop import COLUMNS, as_rows, closed_loop, x2_last_mm
+from koopman_lab.studies.closed_loop import as_rows, closed_loop, columns, row, x2_last_mm
 
 X0 = np.array([-0.2, 0.1, 0.3])
 SHORT = ["controller.horizon=20"]
@@ -28,8 +28,8 @@ def test_a_run_is_that_of_the_nominal_equations_and_of_nothing_else():
     for _ in range(2):
         again = closed_loop(config, KoopmanPrediction(model), X0, 1.5, solver)
         np.testing.assert_array_equal(again.states, run.states)
-    rows = as_rows(run)
-    assert {len(row) for row in rows} == {len(COLUMNS)}
+    rows = as_rows(run, robot)
+    assert {len(row) for row in rows} == {len(columns(robot))}
     assert len(rows) == 30
     assert x2_last_mm(run) == 1e3 * np.abs(run.states[10:, 1]).max()
 
@@ -47,3 +47,14 @@ def test_the_quadratic_cost_stays_away_from_the_goal_where_mixed_exponents_do_no
         away_mm[cost] = x2_last_mm(run)
     assert away_mm["me"] < 0.1
     assert away_mm["ce"] > 1.0
+
+
+def test_columns_are_those_of_the_robots_states_and_inputs():
+    pose, speeds = ("time_s", "x1_m", "x2_m", "theta_rad"), ("v_m_per_s", "omega_rad_per_s")
+    assert columns(nominal_model("kinematic")) == (*pose, *speeds, "u1", "u2", "value")
+    assert columns(nominal_model("dynamic")) == (*pose, *speeds, "u1", "u2", "value")
+    x, u = (1.0, 2.0, 3.0, 0.4, 0.5), (6.0, 7.0)
+    assert row(nominal_model("dynamic"), 0.1, x, u, 8.0) == [0.1, *x, *u, 8.0]
+    for no_speed in (None, 0.0):
+        line = row(nominal_model("kinematic"), 0.1, x[:3], u, 8.0, no_speed)
+        assert line == [0.1, *x[:3], no_speed, no_speed, *u, 8.0]

@@ -6,6 +6,7 @@ import numpy as np
 
 import lcmtypes
 from koopman_lab.bus.channels import MOCAP_POSE, SAMPLER_STATE, SESSION_INFO
+from koopman_lab.bus.message_values import padded
 from koopman_lab.config.load import dump_config, load_config
 from koopman_lab.eventlog.logwriter import EventLogWriter
 from koopman_lab.geometry.planar import wrap_angle
@@ -70,7 +71,7 @@ class Session:
             state.segments_done += end <= time
             if start <= time < end:
                 state.phase, state.segment, state.basis_index = BASIS, number, index
-                state.u1, state.u2 = self.inputs[index]
+                state.inputs, state.u = 2, padded(self.inputs[index], state.MOST_INPUTS)
         return state
 
     def truth(self, index, utime):

@@ -47,6 +47,7 @@ def samples(
     from koopman_lab.data.recording import recording
     from koopman_lab.figures.samples import draw_samples
     from koopman_lab.figures.samples import samples as collected
+    from koopman_lab.robots.table import robot_type
 
     wanted = options.parse_windows(windows)
     log = SessionLog(session, salvage=salvage)
@@ -54,7 +55,7 @@ def samples(
     shown = collected(recorded, wanted)
     units = [u.unit for u in robot_type(recorded.config.robot.kind).inputs]
     with _drawing(file):
-        draw_samples(file, shown, (units[0], units[1]))
+        draw_samples(file, shown, robot_type(recorded.config.robot.kind))
     show_damage(log.path, log.damage)
 
 

@@ -174,6 +174,8 @@ def _show(report: TrainingReport) -> None:
     if weakest:
         out.print(f"weakest canonical correlation of instruments: {min(weakest):.3g}")
     found = report.defects
+    if found is None:
+        return
     growth = ""
     if found.growth_per_step is not None:
         growth = (
