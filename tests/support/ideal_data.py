@@ -7,10 +7,10 @@ from koopman_lab.data.dataset import DataSet
 from koopman_lab.robots.nominal_model import nominal_model
 
 
-def ideal_dataset(kind, segments=8, steps=40, dt_s=0.05, seed=0, noise=0.0):
-    """Return segments under each basis input of the paper, sampled every ``dt_s``."""
+def ideal_dataset(kind, segments=8, steps=40, dt_s=0.05, seed=0, noise=0.0, inputs=None):
+    """Return segments under each basis input, those of the paper, sampled every ``dt_s``."""
     rng, model = np.random.default_rng(seed), nominal_model(kind)
-    inputs = load_config(robot=kind).sampler.indexed_inputs
+    inputs = inputs or load_config(robot=kind).sampler.indexed_inputs
     x_all, y_all, ids, starts = {}, {}, {}, {}
     for index, u in inputs.items():
         low = [0.0, -0.75, -np.pi, 0.0, -1.0][: model.state_dim]
@@ -18,7 +18,7 @@ def ideal_dataset(kind, segments=8, steps=40, dt_s=0.05, seed=0, noise=0.0):
         x = rng.uniform(low, high, (segments, model.state_dim))
         path = [x]
         for _ in range(steps):
-            path.append(model.step(path[-1], np.broadcast_to(u, (segments, 2)), dt_s))
+            path.append(model.step(path[-1], np.broadcast_to(u, (segments, len(u))), dt_s))
         path = np.stack(path, axis=1) + noise * rng.normal(size=(segments, steps + 1, x.shape[1]))
         before, after = path[:, :-1].reshape(-1, x.shape[1]), path[:, 1:].reshape(-1, x.shape[1])
         turns = 2 * np.pi * np.floor((before[:, 2] + np.pi) / (2 * np.pi))

@@ -15,7 +15,9 @@ def run(kind="dynamic", steps=40, offset_us=0, seed=0, number=0, change=None):
     for so many steps.
     """
     rng, model = np.random.default_rng(seed), nominal_model(kind)
-    inputs = np.repeat(rng.uniform([-0.2, -0.8], [0.2, 0.8], (steps, 2)), change or 1, axis=0)
+    largest = np.array([0.2, 0.8] if model.input_dim == 2 else [0.2] * model.input_dim)
+    inputs = rng.uniform(-largest, largest, (steps, model.input_dim))
+    inputs = np.repeat(inputs, change or 1, axis=0)
     start_us = 1_700_000_000_000_000
     times = np.rint(offset_us + FRAME_US * np.arange(12 * len(inputs))).astype(np.int64)
     knots = [rng.uniform(-0.4, 0.4, model.state_dim)]
