@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, NamedTuple
 
 import lcmtypes
 from koopman_lab.bus.channels import ABOARD, SESSION_INFO, TIME_SYNC, Channel, M, split_name
-from koopman_lab.bus.header import smallest_size
-from koopman_lab.bus.sequence import LARGEST_GAP, LATEST, SequenceCounter
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.data.channel_summary import summary_of
 from koopman_lab.data.message_arrays import StructuredArray, decode_all, decode_each
 from koopman_lab.errors import BusError, ConfigError, LogError
 from koopman_lab.eventlog.eventlog import Damage
@@ -27,36 +22,17 @@ from koopman_lab.units import US_PER_S
 LOG_NAME = "session.lcm"
 """The log of a session folder."""
 
-LARGEST_PAUSE_S = 60.0
-"""A longer step between two messages that follow each other is a clock that was set."""
 
-_HEADER = np.dtype([("fingerprint", ">u8"), ("utime", ">i8"), ("sequence", ">i8")])
+class PassedOver(NamedTuple):
+    """What of a log nobody can use.
 
-
-@dataclass(frozen=True)
-class ChannelSummary:
-    """What a log holds of one channel.
-
-    Attributes
-    ----------
-    count
-        Messages stored.
-    first_us, last_us
-        Smallest and largest utime (us), or times of arrival where the channel is none of this lab.
-    rate_hz
-        Messages per second between those; None where there is only one instant.
-    lost
-        Messages that the sequence numbers show missing; 0 where there are none.
-    gaps
-        Places where messages are missing.
+    ``damage`` are stretches of bytes; ``unreadable`` is the number of messages by channel that are
+    of no layout known here, or damaged.
     """
 
-    count: int
-    first_us: int
-    last_us: int
-    rate_hz: float | None
-    lost: int
-    gaps: int
+    file: Path
+    damage: tuple[Damage, ...]
+    unreadable: dict[str, int]
 
 
 def log_file(path: Path) -> Path:
@@ -106,7 +82,7 @@ class SessionLog:
         ]
         self._messages = index_files(files, salvage=salvage, damage=self.damage)
         self.channels = {
-            name: _summary(data, _type_of(name)) for name, data in self._messages.items()
+            name: summary_of(data, _type_of(name)) for name, data in self._messages.items()
         }
 
     @property
@@ -118,6 +94,12 @@ class SessionLog:
         names = [name for name in self.channels if not _is_of_the_board(name)] or self.channels
         first = min(self.channels[name].first_us for name in names)
         return (max(self.channels[name].last_us for name in names) - first) / US_PER_S
+
+    @property
+    def passed_over(self) -> PassedOver:
+        """Return what of the log nobody can use."""
+        counts = {name: c.unreadable for name, c in self.channels.items() if c.unreadable}
+        return PassedOver(self.path, tuple(self.damage), counts)
 
     @property
     def robot_name(self) -> str:
@@ -146,7 +128,7 @@ class SessionLog:
             )
         return self._wanted_robot
 
-    def array(self, channel: Channel[M]) -> StructuredArray:
+    def array(self, channel: Channel[M], *, needed: bool = True) -> StructuredArray:
         """Return the messages of a fixed-size type (N,) in order of arrival.
 
         A field each as the LCM type names them, in the byte order of this machine.
@@ -154,11 +136,12 @@ class SessionLog:
         Raises
         ------
         LogError
-            If a message cannot be decoded. Salvage leaves such messages out.
+            If a message cannot be decoded. Salvage leaves such messages out, and so does whoever
+            does not need them.
         TypeError
             If the type has no fixed size; use :meth:`messages`.
         """
-        decoded: StructuredArray = self._decode(channel, decode_all)
+        decoded: StructuredArray = self._decode(channel, decode_all, needed=needed)
         return decoded
 
     def messages(self, channel: Channel[M]) -> list[M]:
@@ -213,11 +196,13 @@ class SessionLog:
         errors_us = self.array(TIME_SYNC)["error_us"]
         return float(errors_us.max()) / US_PER_S if len(errors_us) else None
 
-    def _decode(self, channel: Channel[Any], decode: Callable[[Any, Messages], Any]) -> Any:
+    def _decode(
+        self, channel: Channel[Any], decode: Callable[[Any, Messages], Any], *, needed: bool = True
+    ) -> Any:
         name = channel.name(self.robot_name)
         messages = self._messages.get(name, Messages.joined(()))
         decoded, bad = decode(channel.type, messages)
-        if len(bad) and not self._salvage:
+        if len(bad) and needed and not self._salvage:
             raise LogError(
                 f"{self.path}: {len(bad)} of {len(messages)} messages of {name} are no "
                 f"{channel.type.__name__}, first number {bad[0]}; use --salvage to leave them out, "
@@ -241,86 +226,3 @@ def _is_of_the_board(name: str) -> bool:
 def _type_of(name: str) -> Any | None:
     """Return the type of a channel's messages, None if the channel is none of this lab."""
     return split_name(name)[1].type if _is_ours(name) else None
-
-
-def _headers(messages: Messages, message_type: Any) -> NDArray[np.void]:
-    """Return what the messages begin with, those left out that are none of the type.
-
-    Damaged bytes inside a message leave its frame intact, and no number to count by.
-    """
-    headers = messages.heads(messages.sizes >= smallest_size(message_type), _HEADER)
-    known = headers["fingerprint"] == int.from_bytes(message_type._get_packed_fingerprint(), "big")
-    ours: NDArray[np.void] = headers[known]
-    return ours
-
-
-def _summary(messages: Messages, message_type: Any | None) -> ChannelSummary:
-    times = messages.arrival_us
-    missing, jumps_us = np.zeros(0, np.int64), 0
-    headers = None if message_type is None else _headers(messages, message_type)
-    if headers is not None and len(headers):
-        times = headers["utime"].astype(np.int64)
-        sequence = headers["sequence"].astype(np.int64)
-        missing, jumps_us = _missing(sequence), _clock_jumps_us(times, sequence)
-    first_us, last_us = int(times.min()), int(times.max())
-    span_us = last_us - first_us - jumps_us
-    return ChannelSummary(
-        len(messages),
-        first_us,
-        last_us,
-        (len(times) - 1) * US_PER_S / span_us if span_us else None,
-        int(missing.sum()),
-        len(missing),
-    )
-
-
-def _clock_jumps_us(times: NDArray[np.int64], sequence: NDArray[np.int64]) -> int:
-    """Return how far a stream's clock was set forward in all: steps that no gap accounts for."""
-    steps, numbers = np.diff(times), np.diff(sequence)
-    forward = numbers > 0
-    if not forward.any():
-        return 0
-    steps, numbers = steps[forward], numbers[forward]
-    expected = np.median(steps / numbers) * numbers
-    excess = steps - expected
-    return int(excess[excess > LARGEST_PAUSE_S * US_PER_S].sum())
-
-
-def _missing(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the size of each gap, of each publisher on its own if there are several."""
-    sequence = _without_slips(sequence)
-    steps = np.diff(sequence.view(np.uint64))  # as far apart as int64 can be
-    if np.all((sequence[1:] > sequence[:-1]) & (steps <= LARGEST_GAP)):
-        publishers = [sequence]
-    else:
-        publisher = _publishers(sequence)
-        publishers = [np.unique(sequence[publisher == k]) for k in range(publisher.max() + 1)]
-    missing = np.concatenate([np.diff(numbers) for numbers in publishers]) - 1
-    return missing[missing > 0]
-
-
-def _publishers(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return whose each message (n,) is, counted from 0."""
-    counter, publisher = SequenceCounter(), np.zeros(len(sequence), np.int64)
-    beside = None
-    for k, number in enumerate(sequence.tolist()):
-        counter.update(number)
-        if counter.beside is not None and counter.beside is not beside:
-            beside = first, seemed, whose = counter.beside
-            before = publisher[:k]
-            before[(before == seemed) & (sequence[:k] >= first)] = whose
-        publisher[k] = counter.publisher
-    return publisher
-
-
-def _without_slips(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the numbers without single far lower ones between rising neighbours.
-
-    Such a one is damage, and no publisher that started again, unless numbers next to it are there.
-    """
-    before, here, after = sequence[:-2], sequence[1:-1], sequence[2:]
-    slips = np.flatnonzero((here < before - LATEST) & (before < after))
-    near = np.isin(here[slips] - 1, sequence) | np.isin(here[slips] + 1, sequence)
-    kept = np.ones(len(sequence), bool)
-    kept[1 + slips[~near]] = False
-    return sequence[kept]

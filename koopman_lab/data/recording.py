@@ -86,7 +86,7 @@ def recording(
     frames, states = log.array(MOCAP_POSE), log.array(SAMPLER_STATE)
     runs = basis_runs(states)
     rate_hz, inputs = config.mocap.rate_hz, config.sampler.indexed_inputs
-    if not runs and len(log.array(REFERENCE_STATE)):
+    if not runs and len(log.array(REFERENCE_STATE, needed=False)):
         raise DataError(
             f"{log.path}: holds reference runs, which are for `klab validate` and never trained "
             "with; give the log of a session that `klab calibrate` recorded"

@@ -8,9 +8,8 @@ from typing import NamedTuple
 from koopman_lab.config.load import load_config
 from koopman_lab.data.dat import is_folder, read_folder
 from koopman_lab.data.dataset import DataSet
-from koopman_lab.data.decode import SessionLog
+from koopman_lab.data.decode import PassedOver, SessionLog
 from koopman_lab.errors import DataError
-from koopman_lab.eventlog.eventlog import Damage
 
 ENDING = ".npz"
 
@@ -19,14 +18,15 @@ class Source(NamedTuple):
     """A data set and where it comes from.
 
     ``dictionary`` is that of the session's configuration, or of the robot's defaults; ``folder``
-    is where things made of the data belong; ``damage`` is what was passed over in a log.
+    is where things made of the data belong; ``passed_over`` is what of a log nobody could use, None
+    where the data come from no log.
     """
 
     dataset: DataSet
     dictionary: str
     file: Path
     folder: Path
-    damage: list[Damage]
+    passed_over: PassedOver | None
 
 
 def open_source(
@@ -67,10 +67,10 @@ def open_source(
         config = log.config()
         dataset = DataSet.from_log(log, config, dt_s=dt_s, window=window)
         _check(log.path, dataset, robot_kind, dt_s, window)
-        return Source(dataset, config.model.dictionary, log.path, log.path.parent, log.damage)
+        return Source(dataset, config.model.dictionary, log.path, log.path.parent, log.passed_over)
     _check(path, dataset, robot_kind, dt_s, window)
     name = load_config(robot=dataset.robot_kind).model.dictionary
-    return Source(dataset, name, file, folder, [])
+    return Source(dataset, name, file, folder, None)
 
 
 def window_of(dataset: DataSet) -> int | None:

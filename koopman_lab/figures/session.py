@@ -77,13 +77,13 @@ def session_plot(log: SessionLog) -> SessionPlot:
 
     speeds = "v_m_per_s", "omega_rad_per_s"
     set_points = "v_setpoint_m_per_s", "omega_setpoint_rad_per_s"
-    commands = table(log.array(ACCELERATION_CMD), "a_m_per_s2", "d_omega_rad_per_s2")
+    commands = table(log.array(ACCELERATION_CMD, needed=False), "a_m_per_s2", "d_omega_rad_per_s2")
     if not len(commands.rows):
-        commands = table(log.array(VELOCITY_CMD), *speeds)
+        commands = table(log.array(VELOCITY_CMD, needed=False), *speeds)
     return SessionPlot(
         table(frames, "x1_m", "x2_m", "theta_rad"),
-        table(log.array(WHEEL_STATE), *speeds),
-        table(log.array(ONBOARD_STATUS), *set_points),
+        table(log.array(WHEEL_STATE, needed=False), *speeds),
+        table(log.array(ONBOARD_STATUS, needed=False), *set_points),
         commands,
     )
 

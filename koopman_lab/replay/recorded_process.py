@@ -6,12 +6,13 @@ import struct
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from koopman_lab.bus.channels import ABOARD, HEARTBEATS, all_channels
+from koopman_lab.bus.channels import ABOARD, HEARTBEATS
 from koopman_lab.bus.processes import commanders, process
 from koopman_lab.bus.sequence import SequenceCounter
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LogError
 from koopman_lab.eventlog.eventlog import Event
+from koopman_lab.replay.message_types import require_readable, unreadable_channels
 from koopman_lab.replay.replay import rhythm
 from koopman_lab.units import PPM, US_PER_S
 
@@ -45,12 +46,12 @@ def recorded_process(node_name: str, config: LabConfig, events: Sequence[Event])
     Raises
     ------
     LogError
-        If the log does not hold one whole life of the node, in messages of this version.
+        If the log does not hold one whole life of the node, in heartbeats of this version.
     """
     _require_steady_times(events)
-    _require_types(config, events)
-    beats = _heartbeats(node_name, config, events)
     name = HEARTBEATS[node_name].name(config.robot.name)
+    require_readable([name], unreadable_channels(config, events))
+    beats = _heartbeats(node_name, config, events)
     if not beats:
         raise LogError(
             f"{name}: not in the log, so this {node_name} did not run in it; "
@@ -97,25 +98,6 @@ def _require_steady_times(events: Sequence[Event]) -> None:
         raise LogError(
             f"times of arrival jump {jumps} times in this log: the clock was set, or they are "
             "damaged; a node can be run again only where time goes on"
-        )
-
-
-def _require_types(config: LabConfig, events: Sequence[Event]) -> None:
-    """Refuse messages that other versions of the types encoded."""
-    name = config.robot.name
-    fingerprints = {c.name(name): c.type._get_packed_fingerprint() for c in all_channels()}
-    known, strange = set(), {}
-    for event in events:
-        fingerprint = fingerprints.get(event.channel)
-        if fingerprint is not None and event.data.startswith(fingerprint):
-            known.add(event.channel)
-        elif fingerprint is not None:
-            strange[event.channel] = len(event.data)
-    others = sorted(strange.keys() - known)
-    if others:
-        raise LogError(
-            f"{', '.join(others)}: recorded with other message types; run again with the version "
-            "of koopman-lab that recorded the log, or record it anew"
         )
 
 

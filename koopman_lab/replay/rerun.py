@@ -26,6 +26,7 @@ from koopman_lab.bus.subscription import Deliver
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.emulation.board import emulated_board
 from koopman_lab.eventlog.eventlog import Event
+from koopman_lab.replay.message_types import require_readable, unreadable_channels
 from koopman_lab.replay.recorded_process import RecordedProcess
 from koopman_lab.units import US_PER_S
 
@@ -51,11 +52,14 @@ class Rerun(NamedTuple):
         Messages in order of arrival.
     end_us
         The log's last time (us).
+    passed_over
+        Channels that cannot be read, with the number of their messages; neither list has them.
     """
 
     recorded: list[Output]
     again: list[Output]
     end_us: int
+    passed_over: dict[str, int]
 
 
 def place_of(publisher: str) -> int:
@@ -120,6 +124,11 @@ def rerun(
         From :func:`~koopman_lab.replay.recorded_process.recorded_process`.
     on_progress
         Told the time in s once every virtual second.
+
+    Raises
+    ------
+    LogError
+        If messages that the node listens to cannot be read.
     """
     mine = outputs_of(node.name)
     names = {channel.name(config.robot.name) for channel in mine}
@@ -132,6 +141,8 @@ def rerun(
             lab.add(node, board)
         else:
             lab.add(collector if place == LOGGER else _Nobody())
+    unreadable = unreadable_channels(config, events)
+    require_readable(lab.routes.keys() - names, unreadable)
     places = {c.name(config.robot.name): place_of(c.publisher) for c in all_channels()}
     before_us = None
     for event in events:
@@ -148,8 +159,10 @@ def rerun(
         lab.run((end_us - process.start_us) / US_PER_S, on_progress=on_progress)
     finally:
         lab.close()
-    recorded = [Output(e.timestamp_us, e.channel, e.data) for e in events if e.channel in names]
-    return Rerun(recorded, collector.heard, end_us)
+    compared = names - unreadable.keys()
+    recorded = [Output(e.timestamp_us, e.channel, e.data) for e in events if e.channel in compared]
+    again = [output for output in collector.heard if output.name in compared]
+    return Rerun(recorded, again, end_us, unreadable)
 
 
 def _sender(lab: Lockstep, name: str) -> Deliver:

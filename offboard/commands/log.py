@@ -12,7 +12,7 @@ import typer
 from koopman_lab.errors import LogError
 from offboard.commands.log_export import export, plot
 from offboard.terminal import options
-from offboard.terminal.output import err, out
+from offboard.terminal.output import err, out, show_unreadable
 
 SHOWN = 10
 """Damaged places listed one by one."""
@@ -65,6 +65,7 @@ def info(
         rate = "-" if c.rate_hz is None else f"{c.rate_hz:.2f}"
         table.add_row(name, str(c.count), rate, str(c.lost), str(c.gaps))
     out.print(table)
+    show_unreadable(log.path, log.passed_over.unreadable)
     for stretch in log.damage[:SHOWN]:
         err.print(f"damaged, passed over: {stretch}")
     if log.damage:

@@ -11,7 +11,7 @@ import typer
 from koopman_lab.errors import DataError
 from offboard.terminal import options
 from offboard.terminal.needs import needs
-from offboard.terminal.output import err, show_damage
+from offboard.terminal.output import err, show_damage, show_passed_over
 
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log, or its run folder.")]
 
@@ -54,7 +54,7 @@ def plot(
         raise DataError(
             f"{stem}: cannot be written ({error.strerror}); choose another with --out"
         ) from None
-    show_damage(read.path, read.damage)
+    show_passed_over(read.passed_over)
     err.print(f"figure: {stem.with_suffix('.png')}")
 
 

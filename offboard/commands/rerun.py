@@ -12,7 +12,7 @@ from koopman_lab.errors import ConfigError
 from offboard.terminal import options
 from offboard.terminal.choices import row_option
 from offboard.terminal.needs import needs
-from offboard.terminal.output import err, out, progress
+from offboard.terminal.output import err, out, progress, show_unreadable
 
 if TYPE_CHECKING:
     from koopman_lab.replay.output_comparison import Agreement, Difference
@@ -111,6 +111,7 @@ def rerun(
         out.print_json(json.dumps(facts | _as_json(agreements)))
     else:
         _show(facts, agreements)
+    show_unreadable(session.path, done.passed_over)
     least = 1.0 if process.virtual else REAL_TIME_SHARE
     if _share(agreements) < least:
         raise typer.Exit(1)

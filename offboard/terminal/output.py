@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 if TYPE_CHECKING:
+    from koopman_lab.data.decode import PassedOver
     from koopman_lab.eventlog.eventlog import Damage
 
 out = Console(highlight=False, soft_wrap=True)
@@ -27,6 +28,22 @@ def show_damage(file: Path, damage: Sequence[Damage]) -> None:
     """Say how much of a log was passed over, if anything was."""
     if damage:
         err.print(f"{file}: {sum(d.size for d in damage)} damaged bytes passed over")
+
+
+def show_unreadable(file: Path, unreadable: Mapping[str, int]) -> None:
+    """Say how many messages of each channel were passed over because nobody here can read them."""
+    if unreadable:
+        counts = ", ".join(f"{count} of {name}" for name, count in unreadable.items())
+        err.print(
+            f"{file}: passed over messages of layouts unknown to this version, or damaged: {counts}"
+        )
+
+
+def show_passed_over(of: PassedOver | None) -> None:
+    """Say what of a log was passed over, if anything was; nothing of what is no log."""
+    if of is not None:
+        show_damage(of.file, of.damage)
+        show_unreadable(of.file, of.unreadable)
 
 
 class Report(Protocol):

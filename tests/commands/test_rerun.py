@@ -4,10 +4,9 @@ import json
 
 import pytest
 from klab import MODEL, REFERENCE, SMALL_AREA, klab, klab_ok
+from older_messages import rewritten
 
 from koopman_lab.bus.channels import SAMPLER_STATE
-from koopman_lab.eventlog.logwriter import EventLogWriter
-from koopman_lab.replay.rotated_log import read_rotated_log
 
 SPOKEN = {
     "sampler": {"SAMPLER_HEARTBEAT", "SAMPLER_STATE", "SESSION_INFO", "TIME_PONG", "VELOCITY_CMD"},
@@ -132,17 +131,6 @@ def test_a_change_is_counted_first_and_then_shown_field_by_field(tmp_path):
     assert set(facts["differences"][0]["fields"]) <= {"left_duty", "right_duty"}
 
 
-def rewritten(tmp_path, change):
-    """Return the reference with each event changed, or left out where ``change`` says None."""
-    path = tmp_path / "changed.lcm"
-    with EventLogWriter(path) as log:
-        for event in read_rotated_log(REFERENCE / "calibration.lcm"):
-            data = change(event)
-            if data is not None:
-                log.write(event.channel, data, event.timestamp_us)
-    return path
-
-
 def test_one_changed_missing_and_added_message_are_each_found(tmp_path):
     def change(event):
         if event.channel != "R1_SAMPLER_STATE":
@@ -156,7 +144,8 @@ def test_one_changed_missing_and_added_message_are_each_found(tmp_path):
             state.sequence = 100_000
         return state.encode()
 
-    facts = again(rewritten(tmp_path, change), "sampler", "--tolerance", ROUNDING)
+    log = rewritten(REFERENCE / "calibration.lcm", tmp_path / "changed.lcm", change)
+    facts = again(log, "sampler", "--tolerance", ROUNDING)
     channel = facts["channels"]["R1_SAMPLER_STATE"]
     assert (channel["different"], channel["missing"], channel["extra"]) == (1, 1, 2)
     (difference,) = facts["differences"]
@@ -165,7 +154,11 @@ def test_one_changed_missing_and_added_message_are_each_found(tmp_path):
 
 
 def test_a_missing_input_is_noticed(tmp_path):
-    log = rewritten(tmp_path, lambda e: None if e.channel == "R1_MOCAP_POSE" else e.data)
+    log = rewritten(
+        REFERENCE / "calibration.lcm",
+        tmp_path / "changed.lcm",
+        lambda e: None if e.channel == "R1_MOCAP_POSE" else e.data,
+    )
     facts = again(log, "sampler")
     assert facts["channels"]["R1_SAMPLER_STATE"]["different"] > 100
 

@@ -12,7 +12,8 @@ from koopman_lab.bus.channels import (
     SESSION_INFO,
 )
 from koopman_lab.config.load import dump_config, load_config
-from koopman_lab.data.decode import ChannelSummary, SessionLog
+from koopman_lab.data.channel_summary import ChannelSummary
+from koopman_lab.data.decode import SessionLog
 from koopman_lab.errors import ConfigError, LogError
 from koopman_lab.eventlog.logwriter import EventLogWriter
 

@@ -7,6 +7,7 @@ from synthetic_session import Session
 
 from koopman_lab.data.dat import write_folder
 from koopman_lab.data.dataset import DataSet
+from koopman_lab.data.decode import PassedOver
 from koopman_lab.data.source import open_source, window_of
 from koopman_lab.errors import DataError, LogError
 
@@ -33,7 +34,7 @@ def test_the_same_data_wherever_they_come_from(places, name):
     assert found.dictionary == "D8Eul"
     assert window_of(found.dataset) == 40
     assert found.folder in (places, places / "session", places / "dat")
-    assert found.damage == []
+    assert found.passed_over in (None, PassedOver(places / "session" / "session.lcm", (), {}))
 
 
 @pytest.mark.parametrize("name", NAMES)

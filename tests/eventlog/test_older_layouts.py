@@ -1,11 +1,11 @@
 """Messages whose layout has changed since, read as those of today."""
 
-import struct
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from older_messages import encode
 from random_messages import fields, has_fixed_size, messages, values
 
 import lcmtypes
@@ -13,7 +13,6 @@ from koopman_lab.eventlog.index import index_files
 from koopman_lab.eventlog.logwriter import EventLogWriter
 from koopman_lab.eventlog.message_blocks import Messages
 from koopman_lab.eventlog.older_layouts import (
-    _FORMATS,
     OLDER_LAYOUTS,
     Field,
     OlderLayout,
@@ -51,15 +50,6 @@ def lcm_fingerprint(layout):
             value = with_text(update(value, int(isinstance(length, str))), str(length))
     rotated = ((value << 1) & MASK) + (value >> 63)
     return rotated.to_bytes(8, "big")
-
-
-def encode(layout, numbers):
-    """Return an older message."""
-    data = layout.fingerprint
-    for name, kind, length in layout.fields:
-        one = (numbers[name],) if length is None else numbers[name]
-        data += struct.pack(f">{len(one)}{_FORMATS[kind]}", *one)
-    return data
 
 
 @LAYOUTS

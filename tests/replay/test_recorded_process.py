@@ -7,6 +7,7 @@ from koopman_lab.bus.channels import ENCODER, HEARTBEATS
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import LogError
 from koopman_lab.eventlog.eventlog import Event
+from koopman_lab.replay.message_types import require_readable, unreadable_channels
 from koopman_lab.replay.recorded_process import RecordedProcess, recorded_process
 from koopman_lab.units import US_PER_S
 
@@ -63,10 +64,21 @@ def moved(events, at_us):
         (beats() + beats(start_us=START_US + 3 * US_PER_S), "started 2 times"),
         (moved(beats(pid=0, start_us=0), START_US), "recorded from a replay"),
         (beats() + beats(start_us=START_US + 3600 * US_PER_S), "times of arrival jump 1 times"),
-        ([*beats(), Event(9, START_US + 3 * US_PER_S, ENCODER.name("R1"), bytes(40))], "types"),
+        ([event._replace(data=bytes(40)) for event in beats()], "R1_SAMPLER_HEARTBEAT: .*types"),
     ],
 )
 def test_what_cannot_be_run_again_is_refused_in_words(events, words):
     events = sorted(events, key=lambda event: event.timestamp_us)
     with pytest.raises(LogError, match=words):
         recorded_process("sampler", CONFIG, events)
+
+
+def test_types_that_nobody_asked_for_may_be_of_any_version():
+    events = [*beats(), Event(9, START_US + 3 * US_PER_S, ENCODER.name("R1"), bytes(40))]
+    assert recorded_process("sampler", CONFIG, events) == RecordedProcess(START_US, 4711)
+    assert unreadable_channels(CONFIG, events) == {"R1_ENCODER": 1}
+    damaged = [*events, Event(10, START_US, HEARTBEATS["sampler"].name("R1"), b"?")]
+    assert unreadable_channels(CONFIG, damaged) == {"R1_ENCODER": 1}
+    require_readable(["R1_SAMPLER_HEARTBEAT"], {"R1_ENCODER": 1})
+    with pytest.raises(LogError, match="R1_ENCODER: recorded with other message types"):
+        require_readable(["R1_ENCODER", "R1_MOCAP_POSE"], {"R1_ENCODER": 1})

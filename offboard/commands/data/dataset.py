@@ -16,7 +16,7 @@ from offboard.commands.data.dataset_needed import needed
 from offboard.commands.data.dataset_sweep import sweep
 from offboard.commands.data.marker_line import marker_line
 from offboard.terminal import options
-from offboard.terminal.output import err, out, show_damage
+from offboard.terminal.output import err, out, show_passed_over
 
 if TYPE_CHECKING:
     from koopman_lab.data.dataset import DataSet
@@ -63,7 +63,7 @@ def make(
 
     opened = open_source(session, dt_s=dt_s, window=window, salvage=salvage)
     _save(_with_origin(opened), file if file is not None else opened.folder / "data.npz")
-    show_damage(opened.file, opened.damage)
+    show_passed_over(opened.passed_over)
 
 
 @app.command()
@@ -90,7 +90,7 @@ def info(
         out.print_json(json.dumps(facts))
     else:
         _show(facts, marker_line(opened.dataset.metadata))
-    show_damage(opened.file, opened.damage)
+    show_passed_over(opened.passed_over)
 
 
 @app.command()
@@ -121,7 +121,7 @@ def export(
         with _writing(place):
             write_folder(opened.dataset, place)
         _tell(opened.dataset, place)
-    show_damage(opened.file, opened.damage)
+    show_passed_over(opened.passed_over)
 
 
 @app.command("import")

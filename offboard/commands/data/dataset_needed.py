@@ -14,7 +14,7 @@ import typer
 from koopman_lab.errors import DataError, ModelError
 from offboard.terminal import options
 from offboard.terminal.needs import needs
-from offboard.terminal.output import err, out, progress, show_damage
+from offboard.terminal.output import err, out, progress, show_passed_over
 
 if TYPE_CHECKING:
     from koopman_lab.evaluation.samples_needed import NeededRow
@@ -86,7 +86,7 @@ def needed(
         out.print_json(json.dumps(facts))
     else:
         _show(own.name, rows)
-    show_damage(opened.file, opened.damage)
+    show_passed_over(opened.passed_over)
 
 
 def _show(name: str, rows: Sequence[NeededRow]) -> None:

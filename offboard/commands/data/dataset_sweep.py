@@ -15,7 +15,7 @@ import typer
 from koopman_lab.errors import DataError
 from offboard.terminal import options
 from offboard.terminal.needs import needs
-from offboard.terminal.output import err, out, progress, show_damage
+from offboard.terminal.output import err, out, progress, show_passed_over
 
 if TYPE_CHECKING:
     from koopman_lab.evaluation.metrics import Errors
@@ -97,7 +97,7 @@ def sweep(
     else:
         for used in estimators:
             _show(f"{name}, {used}", [row for row in rows if row.estimator == used], entries)
-    show_damage(log.path, log.damage)
+    show_passed_over(log.passed_over)
 
 
 MEASURES: dict[str, Callable[[Errors], float]] = {

@@ -14,7 +14,7 @@ from koopman_lab.robots.table import robot_type
 from offboard.commands.data.validation_inputs import models_and_runs
 from offboard.terminal import options
 from offboard.terminal.needs import needs
-from offboard.terminal.output import err, show_damage
+from offboard.terminal.output import err, show_passed_over
 
 app = typer.Typer(help="Draw figures of the paper from what was recorded.", no_args_is_help=True)
 
@@ -56,7 +56,7 @@ def samples(
     units = [u.unit for u in robot_type(recorded.config.robot.kind).inputs]
     with _drawing(file):
         draw_samples(file, shown, robot_type(recorded.config.robot.kind))
-    show_damage(log.path, log.damage)
+    show_passed_over(log.passed_over)
 
 
 @app.command()
@@ -78,7 +78,7 @@ def dictionaries(
     models, sessions, _ = read = models_and_runs(given, window, salvage=salvage)
     with _drawing(file):
         draw_dictionaries(file, models, sessions)
-    read.show_damage()
+    read.show_passed_over()
 
 
 @app.command()
@@ -109,7 +109,7 @@ def multistep(
     found = multi_step(name, model, runs, steps)
     with _drawing(file):
         draw_multi_step(file, found, f"{runs.count} runs, {runs.shape}")
-    read.show_damage()
+    read.show_passed_over()
 
 
 @contextlib.contextmanager

@@ -14,7 +14,7 @@ from koopman_lab.errors import ModelError
 from offboard.commands.data.marker_line import marker_line
 from offboard.terminal import options
 from offboard.terminal.needs import needs
-from offboard.terminal.output import err, out, show_damage
+from offboard.terminal.output import err, out, show_passed_over
 
 if TYPE_CHECKING:
     from koopman_lab.koopman.train import Method, TrainingReport
@@ -111,7 +111,7 @@ def learn(
     from koopman_lab.koopman.train import Trainer
 
     trainer = folder = None
-    damaged = []
+    passed_over = []
     for source in sources:
         opened = open_source(
             source, robot_kind=robot_kind, dt_s=dt_s, window=window, salvage=salvage
@@ -119,7 +119,7 @@ def learn(
         if trainer is None or folder is None:
             trainer, folder = Trainer(dictionary or opened.dictionary, method), opened.folder
         trainer.add(opened.dataset)
-        damaged.append((opened.file, opened.damage))
+        passed_over.append(opened.passed_over)
     assert trainer is not None  # typer and the callers give at least one source
     assert folder is not None
     learned, report = trainer.result()
@@ -130,8 +130,8 @@ def learn(
         raise ModelError(
             f"{path}: cannot be written ({error.strerror}); choose another file with --out"
         ) from None
-    for file, damage in damaged:
-        show_damage(file, damage)
+    for part in passed_over:
+        show_passed_over(part)
     if as_json:
         marker = learned.metadata["data"].get("marker")
         out.print_json(json.dumps(report.as_dict() | {"model": str(path), "marker": marker}))

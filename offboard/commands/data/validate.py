@@ -56,7 +56,7 @@ def validate(
         raise DataError(
             f"{folder}: cannot be written ({error.strerror}); choose another folder with --out"
         ) from None
-    read.show_damage()
+    read.show_passed_over()
     if as_json:
         out.print_json(json.dumps({"steps": steps, "validations": [asdict(v) for v in found]}))
     else:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from koopman_lab.errors import DataError
-from offboard.terminal.output import show_damage
+from offboard.terminal.output import show_passed_over
 
 if TYPE_CHECKING:
     from koopman_lab.data.decode import SessionLog
@@ -22,10 +22,10 @@ class ValidationInputs(NamedTuple):
     sessions: list[ReferenceRuns]
     logs: list[SessionLog]
 
-    def show_damage(self) -> None:
+    def show_passed_over(self) -> None:
         """Say what of the logs was passed over."""
         for log in self.logs:
-            show_damage(log.path, log.damage)
+            show_passed_over(log.passed_over)
 
 
 def models_and_runs(

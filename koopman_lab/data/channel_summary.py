@@ -1,0 +1,134 @@
+"""What a log holds of a channel: counts, rate, and what is missing, without decoding it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from koopman_lab.bus.header import smallest_size
+from koopman_lab.bus.sequence import LARGEST_GAP, LATEST, SequenceCounter
+from koopman_lab.eventlog.message_blocks import Messages
+from koopman_lab.units import US_PER_S
+
+LARGEST_PAUSE_S = 60.0
+"""A longer step between two messages that follow each other is a clock that was set."""
+
+_HEADER = np.dtype([("fingerprint", ">u8"), ("utime", ">i8"), ("sequence", ">i8")])
+
+
+@dataclass(frozen=True)
+class ChannelSummary:
+    """What a log holds of one channel.
+
+    Attributes
+    ----------
+    count
+        Messages stored.
+    first_us, last_us
+        Smallest and largest utime (us), or times of arrival where the channel is none of this lab.
+    rate_hz
+        Messages per second between those; None where there is only one instant.
+    lost
+        Messages that the sequence numbers show missing; 0 where there are none.
+    gaps
+        Places where messages are missing.
+    unreadable
+        Messages that are of no layout known here, or damaged.
+    """
+
+    count: int
+    first_us: int
+    last_us: int
+    rate_hz: float | None
+    lost: int
+    gaps: int
+    unreadable: int = 0
+
+
+def summary_of(messages: Messages, message_type: Any | None) -> ChannelSummary:
+    """Return what there is of a channel; ``message_type`` is None if it is none of this lab."""
+    times = messages.arrival_us
+    missing, jumps_us = np.zeros(0, np.int64), 0
+    headers = None if message_type is None else _headers(messages, message_type)
+    unreadable = 0 if headers is None else len(messages) - len(headers)
+    if headers is not None and len(headers):
+        times = headers["utime"].astype(np.int64)
+        sequence = headers["sequence"].astype(np.int64)
+        missing, jumps_us = _missing(sequence), _clock_jumps_us(times, sequence)
+    first_us, last_us = int(times.min()), int(times.max())
+    span_us = last_us - first_us - jumps_us
+    return ChannelSummary(
+        len(messages),
+        first_us,
+        last_us,
+        (len(times) - 1) * US_PER_S / span_us if span_us else None,
+        int(missing.sum()),
+        len(missing),
+        unreadable,
+    )
+
+
+def _headers(messages: Messages, message_type: Any) -> NDArray[np.void]:
+    """Return what the messages begin with, those left out that are none of the type.
+
+    Damaged bytes inside a message leave its frame intact, and no number to count by.
+    """
+    headers = messages.heads(messages.sizes >= smallest_size(message_type), _HEADER)
+    known = headers["fingerprint"] == int.from_bytes(message_type._get_packed_fingerprint(), "big")
+    ours: NDArray[np.void] = headers[known]
+    return ours
+
+
+def _clock_jumps_us(times: NDArray[np.int64], sequence: NDArray[np.int64]) -> int:
+    """Return how far a stream's clock was set forward in all: steps that no gap accounts for."""
+    steps, numbers = np.diff(times), np.diff(sequence)
+    forward = numbers > 0
+    if not forward.any():
+        return 0
+    steps, numbers = steps[forward], numbers[forward]
+    expected = np.median(steps / numbers) * numbers
+    excess = steps - expected
+    return int(excess[excess > LARGEST_PAUSE_S * US_PER_S].sum())
+
+
+def _missing(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the size of each gap, of each publisher on its own if there are several."""
+    sequence = _without_slips(sequence)
+    steps = np.diff(sequence.view(np.uint64))  # as far apart as int64 can be
+    if np.all((sequence[1:] > sequence[:-1]) & (steps <= LARGEST_GAP)):
+        publishers = [sequence]
+    else:
+        publisher = _publishers(sequence)
+        publishers = [np.unique(sequence[publisher == k]) for k in range(publisher.max() + 1)]
+    missing = np.concatenate([np.diff(numbers) for numbers in publishers]) - 1
+    return missing[missing > 0]
+
+
+def _publishers(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return whose each message (n,) is, counted from 0."""
+    counter, publisher = SequenceCounter(), np.zeros(len(sequence), np.int64)
+    beside = None
+    for k, number in enumerate(sequence.tolist()):
+        counter.update(number)
+        if counter.beside is not None and counter.beside is not beside:
+            beside = first, seemed, whose = counter.beside
+            before = publisher[:k]
+            before[(before == seemed) & (sequence[:k] >= first)] = whose
+        publisher[k] = counter.publisher
+    return publisher
+
+
+def _without_slips(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the numbers without single far lower ones between rising neighbours.
+
+    Such a one is damage, and no publisher that started again, unless numbers next to it are there.
+    """
+    before, here, after = sequence[:-2], sequence[1:-1], sequence[2:]
+    slips = np.flatnonzero((here < before - LATEST) & (before < after))
+    near = np.isin(here[slips] - 1, sequence) | np.isin(here[slips] + 1, sequence)
+    kept = np.ones(len(sequence), bool)
+    kept[1 + slips[~near]] = False
+    return sequence[kept]
