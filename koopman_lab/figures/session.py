@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.bus.channels import (
-    ACCELERATION_CMD,
     MOCAP_POSE,
     ONBOARD_STATUS,
-    VELOCITY_CMD,
     WHEEL_STATE,
+    command_channel,
 )
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.message_arrays import StructuredArray
 from koopman_lab.errors import LogError
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
+from koopman_lab.robots.table import ROBOTS
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]
@@ -33,15 +33,19 @@ class Shown(NamedTuple):
     """One table of numbers.
 
     ``columns`` names those of ``rows`` (N, len(columns)); the first is the time since the first
-    camera frame (s).
+    camera frame (s). ``labels`` are what to write at the axes of the others.
     """
 
     columns: tuple[str, ...]
     rows: Array
+    labels: tuple[str, ...] = ()
 
 
 class SessionPlot(NamedTuple):
-    """What is drawn; tables without rows are of channels that the log does not hold."""
+    """What is drawn; tables without rows are of channels that the log does not hold.
+
+    ``commands`` are the inputs of a robot, (N, 1 + m).
+    """
 
     path: Shown
     measured: Shown
@@ -77,14 +81,16 @@ def session_plot(log: SessionLog) -> SessionPlot:
 
     speeds = "v_m_per_s", "omega_rad_per_s"
     set_points = "v_setpoint_m_per_s", "omega_setpoint_rad_per_s"
-    commands = table(log.array(ACCELERATION_CMD, needed=False), "a_m_per_s2", "d_omega_rad_per_s2")
-    if not len(commands.rows):
-        commands = table(log.array(VELOCITY_CMD, needed=False), *speeds)
+    commanded = [robot for robot in ROBOTS if robot.command is not None]
+    told = [log.array(command_channel(robot), needed=False) for robot in commanded]
+    most = max(range(len(told)), key=lambda k: len(told[k]))
+    commands = table(told[most], *commanded[most].commanded().fields)
+    labels = tuple(u.label for u in commanded[most].inputs)
     return SessionPlot(
         table(frames, "x1_m", "x2_m", "theta_rad"),
         table(log.array(WHEEL_STATE, needed=False), *speeds),
         table(log.array(ONBOARD_STATUS, needed=False), *set_points),
-        commands,
+        commands._replace(labels=labels),
     )
 
 
@@ -110,8 +116,9 @@ def draw_session(stem: Path, shown: SessionPlot) -> None:
     OSError
         If they cannot be written.
     """
-    figure = new_figure(width=11.0, height=6.0)
-    grid = figure.add_gridspec(2, 3)
+    lines = max(2, len(shown.commands.labels))
+    figure = new_figure(width=11.0, height=3.0 * lines)
+    grid = figure.add_gridspec(lines, 3)
     plane = figure.add_subplot(grid[:, 0])
     drives = pieces(shown.path.rows[:, 1:3])
     for drive in drives:
@@ -127,21 +134,14 @@ def draw_session(stem: Path, shown: SessionPlot) -> None:
         axes.plot(shown.measured.rows[:, 0], shown.measured.rows[:, k], color="tab:blue")
         axes.plot(shown.wanted.rows[:, 0], shown.wanted.rows[:, k], "--", color="tab:orange")
         axes.set(xlabel="time (s)", ylabel=name, title="measured, set-point dashed")
+    for k, label in enumerate(shown.commands.labels, start=1):
         told = figure.add_subplot(grid[k - 1, 2])
         told.step(
             shown.commands.rows[:, 0], shown.commands.rows[:, k], where="post", color="tab:orange"
         )
-        told.set(xlabel="time (s)", ylabel=_LABELS[shown.commands.columns[k]], title="commanded")
+        told.set(xlabel="time (s)", ylabel=label, title="commanded")
     for axes in figure.axes:
         axes.grid(visible=True)
     save(figure, stem)
     for name, table in shown._asdict().items():
         write_csv(stem.with_name(f"{stem.name}-{name}.csv"), table.columns, table.rows.tolist())
-
-
-_LABELS = {
-    "v_m_per_s": "v (m/s)",
-    "omega_rad_per_s": "ω (rad/s)",
-    "a_m_per_s2": "a (m/s²)",
-    "d_omega_rad_per_s2": "dω (rad/s²)",
-}

@@ -44,6 +44,12 @@ class Quantity(NamedTuple):
         unit = self.unit.replace("/", "_per_").replace("²", "2")
         return f"{self.name}_{unit}" if unit else self.name
 
+    @property
+    def label(self) -> str:
+        """Return what to write at an axis, such as ``dω (rad/s²)``."""
+        name = self.name.replace("d_omega", "dω").replace("omega", "ω").replace("theta", "θ")
+        return f"{name} ({self.unit})" if self.unit else name
+
 
 class TextFile(Protocol):
     """A file of a package, as :mod:`importlib.resources` has it, or a path."""

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,8 +14,10 @@ from koopman_lab.data.processing import (
     states,
 )
 from koopman_lab.data.segments import Run, Segment
+from koopman_lab.errors import DataError
 from koopman_lab.geometry.planar import wrap_angle
 from koopman_lab.robots.nominal_model import DYNAMIC, KINEMATIC
+from koopman_lab.robots.robot_type import Quantity
 
 RATE = 240.0
 RUN = Run(0, 1, (0.2, 0.0), 0, 10_000_000)
@@ -164,3 +168,21 @@ def test_a_stretch_shorter_than_dt_gives_no_pair():
         found = pair(numbered_states(camera_times(count)), 0.05, RATE)
         assert found.X.shape == found.Y.shape == (0, 3)
         assert pair(numbered_states(camera_times(count)), 0.051, RATE).X.shape == (0, 3)
+
+
+def test_states_that_no_camera_sees_are_refused_by_name():
+    robot = replace(DYNAMIC, states=(*DYNAMIC.states, Quantity("battery", "V")))
+    utime = camera_times(100)
+    with pytest.raises(DataError, match="robot dynamic: the cameras do not tell its states batt"):
+        states(segment(utime, *[utime / 1e6] * 3), robot, 10)
+
+
+def test_speeds_stand_where_the_robot_says():
+    swapped = replace(
+        DYNAMIC, states=(*DYNAMIC.states[:3], *DYNAMIC.states[:2:-1]), speeds_at=(4, 3)
+    )
+    utime = camera_times(100)
+    poses = segment(utime, *[utime / 1e6] * 3)
+    there, here = states(poses, DYNAMIC, 10).x, states(poses, swapped, 10).x
+    np.testing.assert_array_equal(here[:, [4, 3]], there[:, 3:])
+    np.testing.assert_array_equal(here[:, :3], there[:, :3])

@@ -11,6 +11,7 @@ from ideal_data import ideal_dataset
 from nominal_runs import DT_S, run
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from synthetic_session import Session
 
 from koopman_lab.config.load import load_config
 from koopman_lab.data.dataset import DataSet
@@ -44,6 +45,37 @@ def components(x, u, dt_s, m):
     return [x1, x2, theta + omega * dt_s]
 
 
+DEFAULTS = """
+plant: {placement: {position_m: 0.0, angle_rad: 0.0}}
+sampler:
+  segments_per_basis: 3
+  basis_inputs: [[0.2, 0.0, 0.0], [0.0, 0.2, 0.3], [0.1, -0.1, -0.6]]
+  admissible_set:
+    {x1_m: [-1, 1], x2_m: [-1, 1], theta_rad: [-4, 4], v_m_per_s: [-1, 1], omega_rad_per_s: [-1, 1]}
+processing: {discard_start_s: 0.1}
+model: {dictionary: "1, x1, x2, cos(theta), sin(theta)"}
+controller:
+  horizon: 10
+  u_max: [0.4, 0.4, 1.5]
+  weights:
+    me: {q: [1.0, 1.0, 0.1], r: [0.5, 0.5, 0.05]}
+    ce: {q: [1.0, 1.0, 0.1], r: [0.5, 0.5, 0.05]}
+    ds: {q: [1.0], r: [0.5, 0.5, 0.05]}
+"""
+
+
+class File:
+    """What is beside the description of a robot of another package."""
+
+    name = "omnidirectional.yaml"
+
+    @staticmethod
+    def read_text(encoding=None):
+        """Return the defaults."""
+        assert encoding in (None, "utf-8")
+        return DEFAULTS
+
+
 OMNIDIRECTIONAL = RobotType(
     name="omnidirectional",
     title="omnidirectional robot",
@@ -55,12 +87,12 @@ OMNIDIRECTIONAL = RobotType(
     speeds_at=(),
     braking=lambda _x, u_max, _dt_s, steps: np.zeros((steps, len(u_max))),
     effort=np.ones,
+    defaults=File(),
 )
 KIND = OMNIDIRECTIONAL.name
 EXPRESSIONS = ("1", "x1", "x2", "cos(theta)", "sin(theta)")
 BASIS = {1: (0.2, 0.0, 0.0), 2: (0.0, 0.2, 0.3), 3: (0.1, -0.1, -0.6)}
-U_MAX = (0.4, 0.4, 1.5)
-HORIZON = 10
+U_MAX, HORIZON = (0.4, 0.4, 1.5), 10
 X0 = np.array([0.6, -0.4, 2.0])
 
 
@@ -73,7 +105,7 @@ def registered():
 
 @pytest.fixture
 def dataset():
-    return ideal_dataset(KIND, inputs=BASIS)
+    return ideal_dataset(KIND)
 
 
 @pytest.fixture
@@ -97,21 +129,9 @@ def propagation(u, dt_s=DT_S):
     return expm(dt_s * generator)
 
 
-def lab(cost="me", **controller):
-    """Return a configuration of the robot: the kinematic one's with three inputs."""
-    config = load_config(robot="kinematic")
-    weights = {
-        name: of.model_copy(update={"r": (0.5, 0.5, 0.05)})
-        for name, of in config.controller.weights.items()
-    }
-    chosen = {"u_max": U_MAX, "weights": weights, "cost": cost, "horizon": HORIZON} | controller
-    return config.model_copy(
-        update={
-            "robot": config.robot.model_copy(update={"kind": KIND}),
-            "controller": config.controller.model_copy(update=chosen),
-            "model": config.model.model_copy(update={"dictionary": ", ".join(EXPRESSIONS)}),
-        }
-    )
+def lab(cost="me", *overrides):
+    """Return a configuration of the robot."""
+    return load_config(robot=KIND, overrides=[f"controller.cost={cost}", *overrides])
 
 
 def test_the_description_solves_the_equations():
@@ -160,6 +180,16 @@ def test_the_fit_is_that_of_the_lie_derivatives(dataset, combination):
     np.testing.assert_allclose(model.basis_inputs, [(0.0, 0.0, 0.0), *BASIS.values()])
     assert report.robot == KIND
     assert report.defects is None
+
+
+def test_a_recorded_session_gives_the_same_fit(tmp_path):
+    log = Session(KIND, segments=6).write(tmp_path / "session.lcm")
+    recorded = DataSet.from_log(log)
+    assert {i: tuple(u) for i, u in recorded.basis_inputs.items()} == BASIS
+    model, _ = train(recorded, ", ".join(EXPRESSIONS))
+    for matrix, u in zip(model.matrices, model.basis_inputs, strict=True):
+        # Stamps are whole microseconds.
+        np.testing.assert_allclose(matrix, propagation(u), atol=1e-6)
 
 
 def test_any_input_is_predicted_by_the_generators(model):
@@ -258,7 +288,7 @@ def test_our_solver_and_ipopt_agree(affine, way, cost_name):
 
 @pytest.mark.parametrize("way", ["nominal", "koopman", "ipopt"])
 def test_the_closed_loop_reaches_the_goal(affine, way):
-    config = lab(solver="ipopt" if way == "ipopt" else "ddp")
+    config = lab("me", f"controller.solver={'ipopt' if way == 'ipopt' else 'ddp'}")
     prediction = NominalPrediction(KIND, DT_S) if way == "nominal" else KoopmanPrediction(affine)
     seconds = 1.0 if way == "ipopt" else 6.0
     run_of = closed_loop(config, prediction, X0, seconds)
@@ -276,8 +306,7 @@ def test_the_closed_loop_reaches_the_goal(affine, way):
 
 
 def test_the_offset_free_controller_corrects_its_pose_alone(affine):
-    settings = load_config(robot="kinematic").controller.offset_free
-    config = lab(offset_free=settings.model_copy(update={"enabled": True}))
+    config = lab("me", "controller.offset_free.enabled=true")
     assert closed_loop(config, KoopmanPrediction(affine), X0, 1.0).unsolved == 0
 
 

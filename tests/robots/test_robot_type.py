@@ -35,6 +35,12 @@ def test_columns_bear_their_units():
     assert Quantity("gear", "").column == "gear"
 
 
+def test_axes_bear_symbols_and_units():
+    labels = [quantity.label for quantity in (*DYNAMIC.states, *DYNAMIC.inputs)]
+    assert labels[2:] == ["θ (rad)", "v (m/s)", "ω (rad/s)", "a (m/s²)", "dω (rad/s²)"]
+    assert Quantity("gear", "").label == "gear"
+
+
 @pytest.mark.parametrize("robot", list(ROBOTS), ids=lambda robot: robot.name)
 def test_a_turn_on_the_spot_turns_and_stays_in_place(robot):
     if robot.turn is None:

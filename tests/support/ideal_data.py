@@ -7,10 +7,10 @@ from koopman_lab.data.dataset import DataSet
 from koopman_lab.robots.nominal_model import nominal_model
 
 
-def ideal_dataset(kind, segments=8, steps=40, dt_s=0.05, seed=0, noise=0.0, inputs=None):
-    """Return segments under each basis input, those of the paper, sampled every ``dt_s``."""
+def ideal_dataset(kind, segments=8, steps=40, dt_s=0.05, seed=0, noise=0.0):
+    """Return segments under each basis input of the robot's defaults, sampled every ``dt_s``."""
     rng, model = np.random.default_rng(seed), nominal_model(kind)
-    inputs = inputs or load_config(robot=kind).sampler.indexed_inputs
+    inputs = load_config(robot=kind).sampler.indexed_inputs
     x_all, y_all, ids, starts = {}, {}, {}, {}
     for index, u in inputs.items():
         low = [0.0, -0.75, -np.pi, 0.0, -1.0][: model.state_dim]

@@ -71,7 +71,8 @@ class Session:
             state.segments_done += end <= time
             if start <= time < end:
                 state.phase, state.segment, state.basis_index = BASIS, number, index
-                state.inputs, state.u = 2, padded(self.inputs[index], state.MOST_INPUTS)
+                u = self.inputs[index]
+                state.inputs, state.u = len(u), padded(u, state.MOST_INPUTS)
         return state
 
     def truth(self, index, utime):

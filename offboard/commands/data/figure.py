@@ -47,13 +47,11 @@ def samples(
     from koopman_lab.data.recording import recording
     from koopman_lab.figures.samples import draw_samples
     from koopman_lab.figures.samples import samples as collected
-    from koopman_lab.robots.table import robot_type
 
     wanted = options.parse_windows(windows)
     log = SessionLog(session, salvage=salvage)
     recorded = recording(log)
     shown = collected(recorded, wanted)
-    units = [u.unit for u in robot_type(recorded.config.robot.kind).inputs]
     with _drawing(file):
         draw_samples(file, shown, robot_type(recorded.config.robot.kind))
     show_passed_over(log.passed_over)
