@@ -165,6 +165,8 @@ _ROWS = (
         rebuild="offboard.lab.rebuild:onboard",
     ),
     Process("plant", "onboard.plant.node:PlantNode", stops=Stop.HARDWARE, priority=12),
+    Process("driver", "koopman_lab.bus.hardware:driver", stops=Stop.HARDWARE, priority=12),
+    Process("mocap", "koopman_lab.bus.hardware:mocap", stops=Stop.HARDWARE, priority=12),
     Process("logger", "offboard.logger.node:LoggerNode", stops=Stop.LOGGER),
     Process("view", "", stops=Stop.ONLOOKER, hidden=True),
     Process(

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from koopman_lab.bus.processes import PROCESSES, build
+from offboard.cli.hardware import driver, mocap
 from offboard.cli.node_group import NodeGroup
 from offboard.commands.view import HOST, PORT, Host, Port, listen, serve, token_for
 from offboard.terminal import options
+from offboard.terminal.choices import Command
 from offboard.terminal.needs import needs
 
 if TYPE_CHECKING:
@@ -30,7 +32,7 @@ def _runs(function: Run) -> Run:
     """Make a function the command of the process in the table that has its name."""
     row = PROCESSES.own(function.__name__)
     assert row is not None, function.__name__
-    return app.command(row.name, hidden=row.hidden)(function)
+    return app.command(row.name, hidden=row.hidden, cls=Command)(function)
 
 
 ResultFile = Annotated[
@@ -127,6 +129,10 @@ def _run_timed(
     run_node(node, lab, wrap=wrap, lifeline_fd=lifeline_fd, tick_times=ticks)
     if file is not None:
         times.save(file)
+
+
+_runs(driver)
+_runs(mocap)
 
 
 @_runs

@@ -12,17 +12,20 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import BusError
+from koopman_lab.errors import BusError, PluginError
 from koopman_lab.installation import install_command, missing
 from offboard.terminal import options
 from offboard.terminal.needs import commands, needs_of
 from offboard.terminal.output import out
+
+if TYPE_CHECKING:
+    from koopman_lab.registry import Registry
 
 RMEM_MAX = Path("/proc/sys/net/core/rmem_max")
 TRIES = 40
@@ -37,6 +40,8 @@ class Finding:
     good: bool
     needed: bool = True
     remedy: str = ""
+    bad: str = "MISSING"
+    """In a word, where it is needed and not good."""
 
 
 def doctor(
@@ -48,7 +53,7 @@ def doctor(
     overrides: options.Overrides = None,
     url: options.Url = None,
 ) -> None:
-    """Look at Python, the installation, LCM, the bus, the compiler and the generated types.
+    """Look at Python, the installation, LCM, the bus, the compiler, the generated types, plug-ins.
 
     Example: klab doctor
     """
@@ -56,13 +61,13 @@ def doctor(
     checks: list[Callable[[LabConfig], Iterator[Finding]]] = [_bus, _receive_buffer]
     if not bus_only:
         extras = partial(_extras, context.find_root().command)
-        checks = [_python, extras, _packages, _types, *checks, _compiler]
+        checks = [_python, extras, _packages, _types, *checks, _compiler, _plug_ins]
     findings = [finding for check in checks for finding in check(lab)]
     bad = [f for f in findings if not f.good and f.needed]
     for finding in findings:
         if bus_only and finding not in bad:
             continue
-        word = "ok" if finding.good else ("MISSING" if finding.needed else "missing, not needed")
+        word = "ok" if finding.good else (finding.bad if finding.needed else "missing, not needed")
         out.print(f"{finding.what}: {word} ({finding.found})", markup=False)
         if finding.remedy and not finding.good:
             out.print(f"    {finding.remedy}", markup=False)
@@ -225,3 +230,30 @@ def _compiler(lab: LabConfig) -> Iterator[Finding]:
         needed=False,
         remedy="the controller solves more slowly; sudo apt install gcc",
     )
+
+
+def _factory_fault(table: Registry[Any], name: str) -> str:
+    """Return what is wrong with what a usable row refers to; empty if nothing is."""
+    try:
+        table.load(name, getattr(table.get(name), "factory", None))
+    except PluginError as error:
+        return str(error)
+    return ""
+
+
+def _plug_ins(lab: LabConfig) -> Iterator[Finding]:
+    """Look at what other packages add to our tables."""
+    del lab
+    from koopman_lab.bus.channels import channel_faults
+    from koopman_lab.bus.hardware import CAMERAS, DRIVERS
+    from koopman_lab.bus.processes import PROCESSES
+    from koopman_lab.robots.table import ROBOTS
+
+    tables: tuple[Registry[Any], ...] = (ROBOTS, PROCESSES, DRIVERS, CAMERAS)
+    for table in tables:
+        faults = table.faults()
+        for name in sorted({*table.others(), *faults}):
+            fault = faults.get(name) or _factory_fault(table, name)
+            yield Finding("plug-in", fault or table.origin(name), not fault, bad="BROKEN")
+    for fault in channel_faults().values():
+        yield Finding("plug-in", fault, good=False, bad="BROKEN")

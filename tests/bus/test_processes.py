@@ -78,8 +78,8 @@ def test_each_process_has_its_command_and_no_command_is_without_process():
 def test_who_commands_stops_first_and_the_logger_writes_down_the_rest():
     names = [row.name for row in in_stop_order()]
     assert names == [
-        *("sampler", "controller", "reference", "slalom", "onboard", "plant", "logger"),
-        *("view", "pacer"),
+        *("sampler", "controller", "reference", "slalom", "onboard", "plant", "driver", "mocap"),
+        *("logger", "view", "pacer"),
     ]
     assert commanders() == stopping(Stop.COMMANDER) == set(names[:4])
     assert set(STANDING) < set(names)

@@ -25,16 +25,16 @@ def other(url: str) -> str:
     return url.replace("239.255.76.67", "239.255.76.68")
 
 
-def config(url: str):
-    return load_config(overrides=[f"bus.url={url}"])
+def config(url: str, robot_name: str = "R1"):
+    return load_config(overrides=[f"bus.url={url}", f"robot.name={robot_name}"])
 
 
 class Ear:
     """Hears who is alive."""
 
-    def __init__(self, url):
+    def __init__(self, url, robot_name="R1"):
         self.url = url
-        self.listener = Listener(config(url))
+        self.listener = Listener(config(url, robot_name))
         self.pids = {}
         self.status = None
         for name, channel in HEARTBEATS.items():
