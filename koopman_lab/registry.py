@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib.metadata import Distribution, EntryPoint, entry_points, version
 from pkgutil import resolve_name
@@ -162,7 +162,7 @@ class Registry(Generic[T]):
         if row is not None:
             return row
         if not points:
-            raise ConfigError(self._unknown(name))
+            raise ConfigError(unknown(self.noun, name, self.names()))
         (point,) = points
         where = self.origin(name)
         if not NAME.fullmatch(name):
@@ -188,11 +188,12 @@ class Registry(Generic[T]):
             raise PluginError(f"{where} calls itself {says!r}; mend or uninstall it")
         return row
 
-    def _unknown(self, name: str) -> str:
-        near = difflib.get_close_matches(name, self.names(), n=1)
-        hint = f"; did you mean {near[0]}?" if near else ""
-        known = ", ".join(self.names()) or "none"
-        return f"unknown {self.noun} {name!r}, known: {known}{hint}"
+
+def unknown(noun: str, name: str, names: Sequence[str]) -> str:
+    """Return what to say of a name that is none of these."""
+    near = difflib.get_close_matches(name, names, n=1)
+    hint = f"; did you mean {near[0]}?" if near else ""
+    return f"unknown {noun} {name!r}, known: {', '.join(names) or 'none'}{hint}"
 
 
 def _not_loaded(where: str, target: str, error: BaseException) -> str:

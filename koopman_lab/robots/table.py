@@ -19,7 +19,10 @@ DEFAULT_ROBOT = "kinematic"
 
 
 def robot_type(name: str) -> RobotType:
-    """Return the kind of robot of a name.
+    """Return the kind of robot of a name, our own whatever other packages add.
+
+    Every command asks, an emergency stop as well: it neither looks for packages nor fails where one
+    has taken a name of ours. Who names a robot on the command line is told of that.
 
     Raises
     ------
@@ -28,4 +31,4 @@ def robot_type(name: str) -> RobotType:
     PluginError
         If it is another package's, and cannot be used.
     """
-    return ROBOTS.get(name)
+    return ROBOTS.own(name) or ROBOTS.get(name)

@@ -17,10 +17,11 @@ from offboard.bench.parks import parks
 from offboard.bench.stop import stop
 from offboard.bench.view import view
 from offboard.terminal import options
+from offboard.terminal.choices import Commands
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress
 
-app = typer.Typer(help="Measure this machine and the lab.", no_args_is_help=True)
+app = Commands(help="Measure this machine and the lab.", no_args_is_help=True)
 app.command()(lockstep)
 app.command()(dataset)
 app.command()(parks)

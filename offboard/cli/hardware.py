@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def driver(
-    name: Annotated[str, row_option("--driver", "DRIVER", DRIVERS.names, "Of which motors.")],
+    name: Annotated[str, row_option("--driver", DRIVERS, "Of which motors.")],
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
     robot: options.Robot = None,
@@ -26,14 +26,12 @@ def driver(
 
     Example: klab run driver --driver plant --robot dynamic
     """
-    lab = options.resolve(
-        config, overrides, options.kind_of(robot), preset, url=url, robot_name=robot_name
-    )
+    lab = options.resolve(config, overrides, robot, preset, url=url, robot_name=robot_name)
     _run("driver", name, lab, lifeline_fd)
 
 
 def mocap(
-    name: Annotated[str, row_option("--driver", "CAMERAS", CAMERAS.names, "Of which cameras.")],
+    name: Annotated[str, row_option("--driver", CAMERAS, "Of which cameras.")],
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
     robot: options.Robot = None,
@@ -46,9 +44,7 @@ def mocap(
 
     Example: klab run mocap --driver plant
     """
-    lab = options.resolve(
-        config, overrides, options.kind_of(robot), preset, url=url, robot_name=robot_name
-    )
+    lab = options.resolve(config, overrides, robot, preset, url=url, robot_name=robot_name)
     _run("mocap", name, lab, lifeline_fd)
 
 

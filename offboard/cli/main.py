@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import sys
 
-import typer
-
 from koopman_lab.errors import LabError
 from offboard.bench import commands as bench
 from offboard.cli import run
@@ -32,13 +30,13 @@ from offboard.commands.topics import topics
 from offboard.commands.up import up
 from offboard.commands.view import view
 from offboard.reproduction.reproduce import reproduce
-from offboard.terminal.choices import Command
+from offboard.terminal.choices import Commands
 from offboard.terminal.output import err
 
 EXPECTED_MISTAKE = 2
 INTERRUPTED = 130
 
-app = typer.Typer(
+app = Commands(
     help="Calibrate a differential-drive robot, learn its Koopman model, park it.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -50,7 +48,7 @@ COMMANDS = (
     *(validate, reproduce, replay, rerun, goal, estop, fault, doctor),
 )
 for command in COMMANDS:
-    app.command(cls=Command)(command)
+    app.command()(command)
 app.add_typer(run.app, name="run")
 app.add_typer(log.app, name="log")
 app.add_typer(dataset.app, name="dataset")

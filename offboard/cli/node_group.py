@@ -10,6 +10,7 @@ from typer.core import TyperGroup
 
 from koopman_lab.robots.table import DEFAULT_ROBOT
 from offboard.terminal import options
+from offboard.terminal.choices import Commands
 
 
 class NodeGroup(TyperGroup):
@@ -37,7 +38,7 @@ def _command(name: str) -> Any:
     """Return the command that runs a node of another package."""
     from koopman_lab.bus.processes import PROCESSES, build
 
-    app = typer.Typer(add_completion=False, rich_markup_mode=None)
+    app = Commands(add_completion=False, rich_markup_mode=None)
     example = f"Example: klab run {name} --robot {DEFAULT_ROBOT}"
     text = f"Run the {PROCESSES.origin(name)}.\n\n{example}"
     app.command(name, help=text)(node_command(lambda lab: build(name, lab)))

@@ -14,7 +14,7 @@ from offboard.cli.hardware import driver, mocap
 from offboard.cli.node_group import NodeGroup
 from offboard.commands.view import HOST, PORT, Host, Port, listen, serve, token_for
 from offboard.terminal import options
-from offboard.terminal.choices import Command
+from offboard.terminal.choices import Commands
 from offboard.terminal.needs import needs
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from koopman_lab.bus.port import Wrap
     from koopman_lab.config.schema import LabConfig
 
-app = typer.Typer(
+app = Commands(
     help="Run one process in the foreground until Ctrl-C.", no_args_is_help=True, cls=NodeGroup
 )
 Run = TypeVar("Run", bound=Callable[..., None])
@@ -32,7 +32,7 @@ def _runs(function: Run) -> Run:
     """Make a function the command of the process in the table that has its name."""
     row = PROCESSES.own(function.__name__)
     assert row is not None, function.__name__
-    return app.command(row.name, hidden=row.hidden, cls=Command)(function)
+    return app.command(row.name, hidden=row.hidden)(function)
 
 
 ResultFile = Annotated[

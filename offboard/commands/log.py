@@ -12,12 +12,13 @@ import typer
 from koopman_lab.errors import LogError
 from offboard.commands.log_export import export, plot
 from offboard.terminal import options
+from offboard.terminal.choices import Commands
 from offboard.terminal.output import err, out, show_unreadable
 
 SHOWN = 10
 """Damaged places listed one by one."""
 
-app = typer.Typer(help="Look into session logs.", no_args_is_help=True)
+app = Commands(help="Look into session logs.", no_args_is_help=True)
 
 
 @app.command()

@@ -10,7 +10,7 @@ import typer
 
 from koopman_lab.errors import ConfigError
 from offboard.terminal import options
-from offboard.terminal.choices import row_option
+from offboard.terminal.choices import name_option
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress, show_unreadable
 
@@ -36,7 +36,7 @@ def _nodes() -> list[str]:
 @needs("desk", "--node controller", lambda options: options["node"] == "controller")
 def rerun(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A log, or its run folder.")],
-    node: Annotated[str, row_option("--node", "RECORDED_NODE", _nodes, "Which node runs again.")],
+    node: Annotated[str, name_option("--node", "recorded node", _nodes, "Which one runs again.")],
     model: Annotated[
         Path | None,
         typer.Option("--model", metavar="FILE", help="For the controller: the model of the run."),

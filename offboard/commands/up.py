@@ -16,7 +16,7 @@ from koopman_lab.robots.table import robot_type
 from offboard.commands.view import HOST, PORT, TOKEN, Host, Port, addresses, listen, token_for
 from offboard.lab.run_folder import new_folder
 from offboard.terminal import options
-from offboard.terminal.choices import row_option
+from offboard.terminal.choices import name_option
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, status_line
 
@@ -46,9 +46,9 @@ def up(
     port: Port = PORT,
     more: Annotated[
         list[str] | None,
-        row_option(
-            *("--with", "NODE", PROCESSES.others),
-            "A node that another package adds, as one of the lab; several may be named.",
+        name_option(
+            *("--with", "added node", PROCESSES.others),
+            "One that another package adds, as one of the lab; several may be named.",
         ),
     ] = None,
 ) -> None:

@@ -7,51 +7,90 @@ without a look at other packages.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import typer
 from typer.core import TyperCommand
 
+from koopman_lab.errors import ConfigError
+from koopman_lab.registry import Registry, unknown
+
+F = TypeVar("F", bound=Callable[..., Any])
 Names = Callable[[], Sequence[str]]
 _NAMES: dict[str, Names] = {}
 """By the word that stands for them until the help is shown."""
 
 
-def row_option(flag: str, word: str, names: Names, text: str) -> Any:
-    """Return an option that takes a name.
+def row_option(flag: str, table: Registry[Any], text: str) -> Any:
+    """Return an option that takes the name of a row.
 
-    The command has the class :class:`Command`.
+    Naming a row that cannot be used is an expected mistake, as naming none is.
 
     Parameters
     ----------
     flag
         As it is typed.
-    word
-        For the name, such as ``COST``; one word for one table.
+    table
+        Has the rows.
+    text
+        For the help.
+    """
+
+    def parse(name: str) -> str:
+        table.get(name)
+        return name
+
+    return _option(flag, table.noun, table.names, parse, text)
+
+
+def name_option(flag: str, noun: str, names: Names, text: str) -> Any:
+    """Return an option that takes one of some names.
+
+    Parameters
+    ----------
+    flag
+        As it is typed.
+    noun
+        What a name is of, in words; others of the same word have the same names.
     names
         Returns the choices.
     text
         For the help.
     """
-    _NAMES[word] = names
 
     def parse(name: str) -> str:
-        choices = names()
-        if name not in choices:
-            listing = ", ".join(map(repr, choices)) or "nothing: no package adds one"
-            raise typer.BadParameter(f"{name!r} is not one of {listing}.")
+        if name not in names():
+            raise ConfigError(unknown(noun, name, names()))
         return name
 
-    return typer.Option(flag, metavar=word, parser=parse, help=text)
+    return _option(flag, noun, names, parse, text)
+
+
+def _option(flag: str, noun: str, names: Names, parse: Callable[[str], str], text: str) -> Any:
+    word = noun.upper().replace(" ", "_")
+    _NAMES[word] = names
+
+    def complete(incomplete: str) -> list[str]:
+        return [name for name in names() if name.startswith(incomplete)]
+
+    return typer.Option(flag, metavar=word, parser=parse, autocompletion=complete, help=text)
 
 
 class Command(TyperCommand):
-    """A command whose help lists the choices of :func:`row_option`."""
+    """A command whose help lists the choices of :func:`row_option` and :func:`name_option`."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
         for parameter in self.params:
             names = _NAMES.get(getattr(parameter, "metavar", None) or "")
             if names is not None and names():
-                parameter.metavar = f"[{'|'.join(names())}]"
+                parameter.metavar = f"<{'|'.join(names())}>"
         super().format_help(ctx, formatter)
+
+
+class Commands(typer.Typer):
+    """Several commands under one word, each of the class :class:`Command`."""
+
+    def command(self, *arguments: Any, **options: Any) -> Callable[[F], F]:
+        """Return what makes a function a command; see :meth:`typer.Typer.command`."""
+        return super().command(*arguments, **{"cls": Command, **options})

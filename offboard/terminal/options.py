@@ -15,7 +15,8 @@ from koopman_lab.config.load import load_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import DataError
 from koopman_lab.geometry.planar import Pose, wrap_angle
-from koopman_lab.robots.table import DEFAULT_ROBOT, ROBOTS, robot_type
+from koopman_lab.robots.table import DEFAULT_ROBOT, ROBOTS
+from offboard.terminal.choices import row_option
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
@@ -36,16 +37,6 @@ class ShapeName(str, Enum):
     square = "square"
 
 
-def _robot_name(text: str) -> str:
-    """Return the name of a kind of robot that there is; its errors are :func:`robot_type`'s."""
-    return robot_type(text).name
-
-
-def _robot_names(incomplete: str) -> list[str]:
-    """Return the names that begin so, for a shell that completes words."""
-    return [name for name in ROBOTS.names() if name.startswith(incomplete)]
-
-
 ConfigFile = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="YAML file with any part of the configuration."),
@@ -58,13 +49,7 @@ Overrides = Annotated[
 ]
 Robot = Annotated[
     str | None,
-    typer.Option(
-        "--robot",
-        parser=_robot_name,
-        metavar=f"<{'|'.join(ROBOTS.names())}>",
-        autocompletion=_robot_names,
-        help=f"Which robot ({DEFAULT_ROBOT}, unless --config says it).",
-    ),
+    row_option("--robot", ROBOTS, f"Which robot ({DEFAULT_ROBOT}, unless --config says it)."),
 ]
 RobotsName = Annotated[
     str | None,

@@ -126,9 +126,9 @@ def test_motors_and_cameras_of_a_stranger_take_the_place_of_the_plant(bus_url):
     [
         (("run", "--help"), "Run the node 'beacon' of the package klab-stranger"),
         (("run", "beacon", "--help"), "--robot-name"),
-        (("up", "--help"), "--with [beacon]"),
-        (("run", "driver", "--help"), "--driver [plant|acme]"),
-        (("run", "mocap", "--help"), "--driver [plant|acme]"),
+        (("up", "--help"), "--with <beacon>"),
+        (("run", "driver", "--help"), "--driver <plant|acme>"),
+        (("run", "mocap", "--help"), "--driver <plant|acme>"),
     ],
 )
 def test_what_is_added_is_shown(command, shown):

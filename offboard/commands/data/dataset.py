@@ -16,13 +16,14 @@ from offboard.commands.data.dataset_needed import needed
 from offboard.commands.data.dataset_sweep import sweep
 from offboard.commands.data.marker_line import marker_line
 from offboard.terminal import options
+from offboard.terminal.choices import Commands
 from offboard.terminal.output import err, out, show_passed_over
 
 if TYPE_CHECKING:
     from koopman_lab.data.dataset import DataSet
     from koopman_lab.data.source import Source
 
-app = typer.Typer(help="Make, look into, exchange data sets.", no_args_is_help=True)
+app = Commands(help="Make, look into, exchange data sets.", no_args_is_help=True)
 app.command()(sweep)
 app.command()(needed)
 

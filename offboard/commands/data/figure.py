@@ -13,10 +13,11 @@ from koopman_lab.errors import DataError
 from koopman_lab.robots.table import robot_type
 from offboard.commands.data.validation_inputs import models_and_runs
 from offboard.terminal import options
+from offboard.terminal.choices import Commands
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, show_passed_over
 
-app = typer.Typer(help="Draw figures of the paper from what was recorded.", no_args_is_help=True)
+app = Commands(help="Draw figures of the paper from what was recorded.", no_args_is_help=True)
 
 
 FigureFile = Annotated[

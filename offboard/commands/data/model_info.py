@@ -10,10 +10,11 @@ from typing import Annotated, Any
 import typer
 
 from offboard.terminal import options
+from offboard.terminal.choices import Commands
 from offboard.terminal.needs import needs
 from offboard.terminal.output import out
 
-app = typer.Typer(help="Look into model files.", no_args_is_help=True)
+app = Commands(help="Look into model files.", no_args_is_help=True)
 
 INDENT = "  "
 

@@ -14,10 +14,11 @@ from koopman_lab.robots.table import robot_type
 from offboard.commands.simulate import CostChoice
 from offboard.commands.studies import study_starts
 from offboard.terminal import options
+from offboard.terminal.choices import Commands
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress
 
-app = typer.Typer(help="Study the closed loop in simulation.", no_args_is_help=True)
+app = Commands(help="Study the closed loop in simulation.", no_args_is_help=True)
 
 
 for _command in study_starts.COMMANDS:
