@@ -113,6 +113,11 @@ class Registry(Generic[T]):
         except (Exception, SystemExit) as error:  # whatever a stranger's module does on import
             raise PluginError(_not_loaded(self.origin(name), target, error)) from error
 
+    def package(self, name: str) -> str | None:
+        """Return the name of the package that adds a row; None for our own."""
+        points = [point for point in _entry_points(self.group) if point.name == name]
+        return None if name in self._builtin or not points else _package(points[0])
+
     def origin(self, name: str) -> str:
         """Return in words which row it is, and of which package."""
         points = [point for point in _entry_points(self.group) if point.name == name]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from koopman_lab.config.costs import weighs_states
 from koopman_lab.robots.robot_type import RobotType
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def require_fit(config: LabConfig, robot: RobotType) -> None:
     """
     states = _listing("states", robot.state_names)
     for cost, weights in config.controller.weights.items():
-        if cost != "ds" and len(weights.q) != robot.state_dim:
+        if weighs_states(cost) and len(weights.q) != robot.state_dim:
             raise RobotMisfitError(
                 f"controller.weights.{cost}.q",
                 f"the {robot.name} robot has {states}, found {len(weights.q)} weights",

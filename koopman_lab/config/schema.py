@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from koopman_lab.config.costs import COSTS, known_cost
 from koopman_lab.config.robot_fit import require_fit
 from koopman_lab.config.robot_side import Clock, Mocap, MotorLoop, PlannedFault, Plant, Radio
 from koopman_lab.config.values import (
@@ -138,8 +139,8 @@ class Model(Section):
     dictionary: Annotated[str, BeforeValidator(_joined)]
 
 
-CostName = Literal["me", "ce", "ds"]
-"""Stage costs of the paper's section 3.3."""
+CostName = Annotated[str, AfterValidator(known_cost)]
+"""A row of the table of costs."""
 
 
 BackEnd = Literal["ddp", "fatrop", "ipopt"]
@@ -224,6 +225,8 @@ class LabConfig(Section):
     @model_validator(mode="after")
     def _fits_the_robot(self) -> LabConfig:
         require_fit(self, robot_type(self.robot.kind))
-        if self.controller.cost not in self.controller.weights:
+        # Others' costs may have weights of their own, which are asked for where they are built.
+        cost_is_ours = self.controller.cost in COSTS.own_names()
+        if cost_is_ours and self.controller.cost not in self.controller.weights:
             raise ValueError(f"controller.weights lacks the cost {self.controller.cost!r}")
         return self

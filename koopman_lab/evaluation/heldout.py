@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.time_shift import shifted_pairs
 from koopman_lab.evaluation.metrics import Errors, deviations, measures, summary
-from koopman_lab.koopman.bilinear_model import BilinearModel
+from koopman_lab.predictors.predictor import LearnedModel
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ def only(dataset: DataSet, chosen: dict[int, NDArray[np.bool_]]) -> DataSet:
     )
 
 
-def errors(model: BilinearModel, dataset: DataSet, steps: int) -> Errors | None:
+def errors(model: LearnedModel, dataset: DataSet, steps: int) -> Errors | None:
     """Return the errors of predictions over runs of a data set; None if no run is long enough.
 
     The state after ``steps`` sampling times is the successor of the one that ``steps - 1`` later

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.geometry.planar import wrap_angle
-from koopman_lab.koopman.bilinear_model import BilinearModel
+from koopman_lab.predictors.predictor import LearnedModel
 from koopman_lab.robots.robot_type import RobotType
 
 Array = NDArray[np.float64]
@@ -101,7 +101,7 @@ class Starts:
         return int(self.inputs.shape[1])
 
 
-def by_model(model: BilinearModel, *, reproject: bool = True) -> Predict:
+def by_model(model: LearnedModel, *, reproject: bool = True) -> Predict:
     """Return the predictions of a surrogate, with reprojection in each step or without."""
     return lambda x0, inputs: model.predict(x0, inputs, reproject=reproject)
 

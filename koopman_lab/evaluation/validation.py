@@ -19,7 +19,7 @@ from koopman_lab.evaluation.metrics import (
 )
 from koopman_lab.evaluation.rolling import starts_along
 from koopman_lab.geometry.planar import ORIGIN, Pose
-from koopman_lab.koopman.bilinear_model import BilinearModel
+from koopman_lab.predictors.predictor import LearnedModel
 
 NOMINAL = "nominal"
 
@@ -28,8 +28,9 @@ NOMINAL = "nominal"
 class Predictor:
     """Something that predicts, by the name of its model.
 
-    ``dictionary`` and ``reprojection`` are None for the nominal equations. ``marker_offset`` is the
-    pose of the tracked frame in the frame whose poses it predicts.
+    ``dictionary`` is that of a model or, of one that has none, its name; None for the nominal
+    equations. ``reprojection`` is None for whatever does not lift. ``marker_offset`` is the pose of
+    the tracked frame in the frame whose poses it predicts.
     """
 
     model: str
@@ -58,7 +59,7 @@ class Validation:
     errors: Sequence[Errors | None]
 
 
-def common_dt_s(models: Mapping[str, BilinearModel]) -> float:
+def common_dt_s(models: Mapping[str, LearnedModel]) -> float:
     """Return the sampling time of all models.
 
     Raises
@@ -76,7 +77,7 @@ def common_dt_s(models: Mapping[str, BilinearModel]) -> float:
     return times.pop()
 
 
-def require_robot(models: Mapping[str, BilinearModel], runs: ReferenceRuns) -> None:
+def require_robot(models: Mapping[str, LearnedModel], runs: ReferenceRuns) -> None:
     """Refuse models of another robot than the one that drove.
 
     Raises
@@ -86,28 +87,28 @@ def require_robot(models: Mapping[str, BilinearModel], runs: ReferenceRuns) -> N
     """
     kind = runs.config.robot.kind
     for name, model in models.items():
-        if model.robot_kind != kind:
+        if model.robot.name != kind:
             raise ModelError(
                 f"{runs.path}: runs of the {kind} robot, but the model {name} "
-                f"({model.dictionary.name}) is of the {model.robot_kind} one; leave one of them out"
+                f"({model.name}) is of the {model.robot.name} one; leave one of them out"
             )
 
 
-def predictors(models: Mapping[str, BilinearModel]) -> list[Predictor]:
-    """Return each model with and without reprojection, and the nominal equations beside them.
+def predictors(models: Mapping[str, LearnedModel]) -> list[Predictor]:
+    """Return each model, with and without reprojection if it lifts, and the nominal equations.
 
     The nominal equations see the runs as the first model does.
     """
     found = [
         Predictor(
             name,
-            by_model(model, reproject=reproject),
-            model.dictionary.name,
+            by_model(model, reproject=reproject is not False),
+            model.name,
             reproject,
             model.marker_offset,
         )
         for name, model in models.items()
-        for reproject in (True, False)
+        for reproject in ((True, False) if model.lifts else (None,))
     ]
     first = next(iter(models.values()))
     nominal = by_nominal(first.robot, common_dt_s(models))
@@ -124,7 +125,7 @@ def starts_by_offset(
 
 
 def validate(
-    models: Mapping[str, BilinearModel], runs: ReferenceRuns, steps: int
+    models: Mapping[str, LearnedModel], runs: ReferenceRuns, steps: int
 ) -> Iterator[Validation]:
     """Measure models by name on the runs of a session.
 

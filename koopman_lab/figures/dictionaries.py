@@ -15,7 +15,7 @@ from koopman_lab.evaluation.metrics import MEASURES, along, measures, rolling
 from koopman_lab.evaluation.validation import NOMINAL, common_dt_s, predictors, starts_by_offset
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
-from koopman_lab.koopman.bilinear_model import BilinearModel
+from koopman_lab.predictors.predictor import LearnedModel
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ class OpenLoop(NamedTuple):
     one_step: Array
 
 
-def open_loop(models: Mapping[str, BilinearModel], runs: ReferenceRuns) -> dict[str, OpenLoop]:
+def open_loop(models: Mapping[str, LearnedModel], runs: ReferenceRuns) -> dict[str, OpenLoop]:
     """Return the predictions of models by name, with reprojection, and of the nominal equations."""
     dt_s = common_dt_s(models)
     wanted = [p for p in predictors(models) if p.reprojection is not False]
@@ -80,7 +80,7 @@ def averaged(runs: Sequence[Trajectory], dt_s: float) -> Array:
 
 
 def draw_dictionaries(
-    stem: Path, models: Mapping[str, BilinearModel], sessions: Sequence[ReferenceRuns]
+    stem: Path, models: Mapping[str, LearnedModel], sessions: Sequence[ReferenceRuns]
 ) -> None:
     """Write ``stem.pdf``, ``stem.png``, ``stem-paths.csv`` and ``stem-one-step.csv``.
 

@@ -16,7 +16,7 @@ from koopman_lab.evaluation.rolling import starts_along
 from koopman_lab.evaluation.validation import predictors
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
-from koopman_lab.koopman.bilinear_model import BilinearModel
+from koopman_lab.predictors.predictor import LearnedModel
 
 COLOURS = ("tab:blue", "tab:red", "black")
 """With reprojection, without, nominal: those of the paper."""
@@ -38,7 +38,7 @@ class MultiStep(NamedTuple):
 
 
 def multi_step(
-    name: str, model: BilinearModel, runs: ReferenceRuns, steps: int
+    name: str, model: LearnedModel, runs: ReferenceRuns, steps: int
 ) -> dict[str, MultiStep]:
     """Return the errors with reprojection, without, and of the nominal equations, by label."""
     trajectories = runs.trajectories(model.marker_offset)

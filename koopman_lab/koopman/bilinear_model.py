@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import math
-import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.errors import LabError, ModelError
-from koopman_lab.files import replacing
 from koopman_lab.geometry.planar import ORIGIN, Pose
 from koopman_lab.koopman.combination import (
     PAPER,
@@ -30,14 +27,11 @@ from koopman_lab.koopman.dictionary import (
     from_expressions,
 )
 from koopman_lab.koopman.expression import Components
+from koopman_lab.koopman.model_file import EDMD, ModelFile, read_model_file, write_model_file
 from koopman_lab.robots.robot_type import RobotType
 from koopman_lab.robots.table import robot_type
 
 Array = NDArray[np.float64]
-FORMAT = 2
-"""Version of the model file; raised when its meaning changes."""
-READABLE = (1, 2)
-"""Format 1 has no expressions and no combination, which was the paper's."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +70,8 @@ class BilinearModel:
     dt_s: float
     metadata: Mapping[str, Any]
     combination: Combination = PAPER
+    predictor: ClassVar[str] = EDMD
+    lifts: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         m, size = self.robot.input_dim, self.dictionary.size
@@ -85,15 +81,15 @@ class BilinearModel:
         ):
             if array.shape != expected:
                 raise ModelError(
-                    f"model ({self.dictionary.name}) of the {self.robot_kind} robot: {what} of "
+                    f"model ({self.dictionary.name}) of the {self.robot.name} robot: {what} of "
                     f"shape {array.shape}, expected {expected}; train it again from its session"
                 )
         _ = self._to_lambdas, self._combined
 
     @property
-    def robot_kind(self) -> str:
-        """Return the name of the robot the model is of."""
-        return self.dictionary.kind
+    def name(self) -> str:
+        """Return the name of its dictionary, to tell it from others."""
+        return self.dictionary.name
 
     @property
     def robot(self) -> RobotType:
@@ -234,26 +230,11 @@ class BilinearModel:
             combined = combined + lambdas[index] * difference
         return combined @ psi if self.combination == PAPER else exponential_action(combined, psi)
 
-    def require_robot(self, kind: str) -> None:
-        """Refuse the model for another robot.
-
-        Raises
-        ------
-        ModelError
-            If the model is of another robot than ``kind``.
-        """
-        if self.robot_kind != kind:
-            raise ModelError(
-                f"the model ({self.dictionary.name}) is of the {self.robot_kind} robot, the lab is "
-                f"set up for the {kind} one; train a model from a {kind} session, or say "
-                f"--robot {self.robot_kind}"
-            )
-
     def save(self, path: Path) -> None:
         """Write the model as one ``.npz`` file without pickle, whole or not at all."""
         header = {
-            "format": FORMAT,
-            "robot": self.robot_kind,
+            "predictor": self.predictor,
+            "robot": self.robot.name,
             "dictionary": self.dictionary.name,
             "observables": list(self.dictionary.names),
             "expressions": self.dictionary.expressions,
@@ -261,14 +242,8 @@ class BilinearModel:
             "dt_s": self.dt_s,
             "metadata": dict(self.metadata),
         }
-        text = json.dumps(header, sort_keys=True).encode()
-        with replacing(path) as file:
-            np.savez(
-                file,
-                header=np.frombuffer(text, np.uint8),
-                matrices=self.matrices,
-                basis_inputs=self.basis_inputs,
-            )
+        arrays = {"matrices": self.matrices, "basis_inputs": self.basis_inputs}
+        write_model_file(path, header, arrays)
 
     @classmethod
     def load(cls, path: Path) -> BilinearModel:
@@ -280,31 +255,37 @@ class BilinearModel:
             If the file is missing, damaged, no model, of another version, or of a robot or a
             dictionary that is not known here.
         """
-        try:
-            # Opened here: np.load leaves a file open that it cannot make sense of.
-            with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-                header = json.loads(bytes(file["header"]))
-                version, dt_s, metadata = header["format"], header["dt_s"], header["metadata"]
-                combination = header.get("combination", PAPER)
-                matrices, basis_inputs = file["matrices"], file["basis_inputs"]
-        except FileNotFoundError:
-            raise ModelError(f"{path}: no such model; `klab train SESSION` makes one") from None
-        except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile):
+        return cls.from_file(read_model_file(path))
+
+    @classmethod
+    def from_file(cls, file: ModelFile) -> BilinearModel:
+        """Return the model that a file holds.
+
+        Raises
+        ------
+        ModelError
+            If it is another predictor's, lacks something, or is of a robot or a dictionary that is
+            not known here.
+        """
+        path, header = file.path, file.header
+        if header["predictor"] != EDMD:
             raise ModelError(
-                f"{path}: damaged, or not a model; `klab train SESSION` makes one"
-            ) from None
-        if version not in READABLE:
-            raise ModelError(
-                f"{path}: model file of format {version}, this version reads "
-                f"{' and '.join(map(str, READABLE))}; train it again from its session"
+                f"{path}: a model of the predictor {header['predictor']!r}, not {EDMD}"
             )
+        try:
+            names = header["observables"]
+            matrices, basis_inputs = file.arrays["matrices"], file.arrays["basis_inputs"]
+            _ = header["dictionary"]
+        except KeyError:
+            raise file.damaged from None
+        combination = header.get("combination", PAPER)
         try:
             robot_type(header["robot"])
         except LabError as error:
             raise ModelError(f"{path}: {error}") from None
         observables = _dictionary_of(path, header)
         size = observables.size
-        if list(observables.names) != header["observables"] or matrices.shape != (
+        if list(observables.names) != names or matrices.shape != (
             *(observables.robot.input_dim + 1, size, size),
         ):
             raise ModelError(
@@ -316,6 +297,7 @@ class BilinearModel:
                 f"{path}: combination {combination!r} of inputs is not known here; expected "
                 f"{' or '.join(get_args(Combination))}; train it again from its session"
             )
+        dt_s, metadata = header["dt_s"], header["metadata"]
         return cls(observables, matrices, basis_inputs, dt_s, metadata, combination)
 
 

@@ -9,15 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from koopman_lab.config.costs import COSTS, Cost, weighs_states
 from koopman_lab.config.schema import Controller
 from koopman_lab.errors import ConfigError
 from koopman_lab.koopman.dictionary import Dictionary
+from koopman_lab.predictors.predictor import PredictionModel
 from koopman_lab.robots.robot_type import RobotType
 
 
@@ -156,6 +158,47 @@ class QuadraticInObservables:
         return Quadratic(self.q, self.r)(off, u, parameters)
 
 
+def mixed_exponents(
+    q: Sequence[float], r: Sequence[float], robot: RobotType, observables: Dictionary | None
+) -> StageCost:
+    """Return the cost ``me`` of a robot."""
+    del observables
+    return MixedExponents(q, r, robot.sideways)
+
+
+def quadratic(
+    q: Sequence[float], r: Sequence[float], robot: RobotType, observables: Dictionary | None
+) -> StageCost:
+    """Return the cost ``ce`` of a robot."""
+    del robot, observables
+    return Quadratic(q, r)
+
+
+def quadratic_in_observables(
+    q: Sequence[float], r: Sequence[float], robot: RobotType, observables: Dictionary | None
+) -> StageCost:
+    """Return the cost ``ds`` of a robot with a dictionary."""
+    del robot
+    assert observables is not None  # as its row asks for
+    return QuadraticInObservables(observables, q, r)
+
+
+class StageWeights(NamedTuple):
+    """Weights of a stage cost.
+
+    Attributes
+    ----------
+    names
+        Of what q weighs: states, or observables.
+    q, r
+        One for each of the names, and one for each input.
+    """
+
+    names: tuple[str, ...]
+    q: Sequence[float]
+    r: Sequence[float]
+
+
 def stage_cost(
     settings: Controller, robot: RobotType, observables: Dictionary | None = None
 ) -> StageCost:
@@ -163,8 +206,30 @@ def stage_cost(
 
     Parameters
     ----------
+    settings, robot, observables
+        See :func:`stage_weights`.
+
+    Raises
+    ------
+    ConfigError, PluginError
+        See :func:`stage_weights`.
+    """
+    row = COSTS.get(settings.cost)
+    weights = stage_weights(settings, robot, observables)
+    build = COSTS.load(row.name, row.factory)
+    cost: StageCost = build(weights.q, weights.r, robot, observables)
+    return cost
+
+
+def stage_weights(
+    settings: Controller, robot: RobotType, observables: Dictionary | None = None
+) -> StageWeights:
+    """Return the weights of the cost that a configuration asks for.
+
+    Parameters
+    ----------
     settings
-        Name and weights.
+        Name and weights; where it has none, the cost itself may.
     robot
         Whose states and inputs are weighted.
     observables
@@ -173,28 +238,72 @@ def stage_cost(
     Raises
     ------
     ConfigError
-        If there are no weights for it, or not as many as the dictionary has observables.
+        If there are no weights for it, or not as many as it weighs states or observables, and
+        inputs.
+    PluginError
+        If it is another package's, and cannot be used.
     """
-    weights = settings.weights.get(settings.cost)
-    if weights is None:
+    row = COSTS.get(settings.cost)
+    q, r = _given(row, settings, robot)
+    names, owner, what, hint = robot.state_names, f"the {robot.name} robot", "states", ""
+    if row.weighs == "observables":
+        dictionary = _required(row, observables)
+        names, owner, what = dictionary.names, f"the dictionary {dictionary.name}", "observables"
+        q, hint = q if len(q) > 1 else tuple(q) * len(names), "one weight for all of them, or "
+    for key, weights, of, count, each, more in (
+        ("q", q, owner, what, names, hint),
+        ("r", r, f"the {robot.name} robot", "inputs", robot.input_names, ""),
+    ):
+        if len(weights) != len(each):
+            raise ConfigError(
+                f"controller.weights.{row.name}.{key} has {len(weights)} weights, {of} has "
+                f"{len(each)} {count}; give {more}one for each of {', '.join(each)}"
+            )
+    return StageWeights(names, q, r)
+
+
+def _given(
+    row: Cost, settings: Controller, robot: RobotType
+) -> tuple[Sequence[float], Sequence[float]]:
+    weights = settings.weights.get(row.name)
+    if weights is not None:
+        return weights.q, weights.r
+    if row.weights is None:
         raise ConfigError(
-            f"controller.weights lacks the cost {settings.cost!r}; "
-            f"add controller.weights.{settings.cost} with q and r"
+            f"controller.weights lacks the cost {row.name!r}; add controller.weights.{row.name} "
+            "with q and r"
         )
-    if settings.cost == "me":
-        return MixedExponents(weights.q, weights.r, robot.sideways)
-    if settings.cost == "ce":
-        return Quadratic(weights.q, weights.r)
+    return row.weights(robot)
+
+
+def _required(row: Cost, observables: Dictionary | None) -> Dictionary:
     if observables is None:
-        raise ConfigError("controller.cost is ds, which needs a dictionary; choose me or ce")
-    q = weights.q if len(weights.q) > 1 else weights.q * observables.size
-    if len(q) != observables.size:
+        others = " or ".join(filter(weighs_states, COSTS.own_names()))
         raise ConfigError(
-            f"controller.weights.ds.q has {len(q)} weights, the dictionary {observables.name} has "
-            f"{observables.size} observables; give one weight for all of them, or one for each of "
-            + ", ".join(observables.names)
+            f"controller.cost is {row.name}, which needs a dictionary; choose {others}"
         )
-    return QuadraticInObservables(observables, q, weights.r)
+    return observables
+
+
+def cost_of(model: PredictionModel, cost: StageCost, s: Any, u: Any, weights: Any) -> Any:
+    """Return what a stage costs in what a model propagates.
+
+    Parameters
+    ----------
+    model
+        Says what s is.
+    cost
+        Of a state or, where the model propagates them, of observables.
+    s, u, weights
+        CasADi SX (S,), (m,) and as many as the cost's parameters.
+    """
+    if (
+        model.propagates == "observables"
+        and isinstance(cost, QuadraticInObservables)
+        and cost.dictionary == model.dictionary
+    ):
+        return cost.of_observables(s, u, weights)
+    return cost(model.state(s), u, weights)
 
 
 def _square(value: Any) -> Any:

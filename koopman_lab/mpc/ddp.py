@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.mpc import rollout as rollouts
-from koopman_lab.mpc.costs import StageCost
-from koopman_lab.mpc.prediction import PredictionModel
+from koopman_lab.mpc.costs import StageCost, cost_of
+from koopman_lab.predictors.predictor import PredictionModel
 
 Array = NDArray[np.float64]
 
@@ -37,8 +37,8 @@ def source(model: PredictionModel, cost: StageCost, horizon: int) -> str:
     weights = ca.SX.sym("weights", cost.parameters.size)
     p, z = ca.vertcat(of_model, weights), ca.vertcat(s, u)
     following = model.step(s, u, of_model)
-    here = model.cost(cost, s, u, weights)
-    end = model.cost(cost, s, ca.SX.zeros(inputs), weights)
+    here = cost_of(model, cost, s, u, weights)
+    end = cost_of(model, cost, s, ca.SX.zeros(inputs), weights)
     hessian, _ = ca.hessian(here + ca.dot(vx, following), z)
     end_hessian, _ = ca.hessian(end, s)
     results = {

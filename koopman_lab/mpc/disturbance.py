@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from koopman_lab.config.schema import OffsetFree
 from koopman_lab.geometry.planar import wrap_angle
-from koopman_lab.mpc.prediction import PredictionModel
+from koopman_lab.predictors.predictor import PredictionModel
 from koopman_lab.robots.robot_type import POSE_DIM
 
 Array = NDArray[np.float64]

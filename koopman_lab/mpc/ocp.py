@@ -19,8 +19,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.mpc.costs import StageCost
-from koopman_lab.mpc.prediction import PredictionModel
+from koopman_lab.mpc.costs import StageCost, cost_of
+from koopman_lab.predictors.predictor import PredictionModel
 
 Array = NDArray[np.float64]
 
@@ -169,10 +169,10 @@ def transcribe(
         gaps.append(following - model.step(s, u, numbers))
         if k == 0:
             gaps.append(s - initial)
-        total = total + model.cost(cost, s, u, weights)
+        total = total + cost_of(model, cost, s, u, weights)
         s = following
     variables.append(s)
-    total = total + model.cost(cost, s, ca.SX.zeros(model.input_dim), weights)
+    total = total + cost_of(model, cost, s, ca.SX.zeros(model.input_dim), weights)
     program = {
         "x": ca.vertcat(*variables),
         "p": ca.vertcat(initial, factor, d),

@@ -19,9 +19,9 @@ from koopman_lab.errors import ConfigError, ModelError
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.mpc.costs import StageCost, stage_cost
 from koopman_lab.mpc.disturbance import DisturbanceEstimator, DisturbedPrediction
-from koopman_lab.mpc.prediction import KoopmanPrediction, LiftedPrediction, PredictionModel
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, Solver, make_solver
+from koopman_lab.predictors.predictor import PredictionModel
 
 CLEARLY_BETTER = 1e-6
 """Relative gain by which a later start must win, so that rounding does not choose among equals."""
@@ -217,10 +217,10 @@ def planning_problem(
         If the weights do not fit the cost.
     """
     settings = config.controller
-    if not settings.reprojection and isinstance(model, KoopmanPrediction):
-        model = LiftedPrediction(model.model)
+    if not settings.reprojection:
+        model = model.without_reprojection()
     if settings.offset_free.enabled:
-        if isinstance(model, LiftedPrediction):
+        if model.propagates != "state":
             raise ConfigError(
                 "controller.offset_free.enabled needs controller.reprojection: what is corrected "
                 "in each step is the state; switch one of them"

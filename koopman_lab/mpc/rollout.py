@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.mpc.costs import StageCost
-from koopman_lab.mpc.prediction import PredictionModel
+from koopman_lab.mpc.costs import StageCost, cost_of
+from koopman_lab.predictors.predictor import PredictionModel
 
 Array = NDArray[np.float64]
 FUNCTION = "rollout"
@@ -95,7 +95,7 @@ class Rollout:
         d = ca.SX.sym("d", dim)
         p = ca.vertcat(ca.DM(model.parameters[: len(model.parameters) - dim]), d)
         s, w = model.lift(x), ca.DM(cost.parameters)
-        following, here = model.state(model.step(s, u, p)), model.cost(cost, s, u, w)
+        following, here = model.state(model.step(s, u, p)), cost_of(model, cost, s, u, w)
         self._once = Call(ca.Function("once", [x, u, d], [ca.densify(following), ca.densify(here)]))
 
     def disturb(self, d: Array) -> None:
@@ -154,7 +154,7 @@ def function(model: PredictionModel, cost: StageCost, horizon: int) -> Any:
     lift = ca.Function("lift", [x], [ca.densify(model.lift(x))])
     step = ca.Function("roll", [s, u, p], [ca.densify(model.step(s, u, p))])
     state = ca.Function("state", [s], [ca.densify(model.state(s))])
-    stage = ca.Function("stage", [s, u, w], [model.cost(cost, s, u, w)])
+    stage = ca.Function("stage", [s, u, w], [cost_of(model, cost, s, u, w)])
     x0, inputs = ca.MX.sym("x0", n), ca.MX.sym("inputs", m, horizon)
     numbers = ca.MX.sym("numbers", p.numel() + w.numel())
     of_model, weights = ca.vertsplit(numbers, [0, p.numel(), numbers.numel()])

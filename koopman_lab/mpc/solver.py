@@ -15,8 +15,8 @@ from koopman_lab.errors import ConfigError
 from koopman_lab.mpc import compiled, ddp, stagewise
 from koopman_lab.mpc.costs import StageCost
 from koopman_lab.mpc.ocp import OptimalControlProblem, bounds_for, transcribe
-from koopman_lab.mpc.prediction import PredictionModel
 from koopman_lab.mpc.rollout import Call, Rollout, disturbed
+from koopman_lab.predictors.predictor import PredictionModel
 
 MOST_ITERATIONS: dict[BackEnd, int] = {"ddp": 50, "fatrop": 25, "ipopt": 200}
 """A bound on the effort that, unlike a time limit, leaves results the same on every machine.

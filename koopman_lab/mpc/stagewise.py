@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.mpc import rollout
-from koopman_lab.mpc.costs import StageCost
-from koopman_lab.mpc.prediction import PredictionModel
+from koopman_lab.mpc.costs import StageCost, cost_of
+from koopman_lab.predictors.predictor import PredictionModel
 
 Indices = NDArray[np.int_]
 
@@ -60,7 +60,7 @@ class _Stage:
         self.parameters = p.numel()
         factor, multipliers = ca.SX.sym("factor"), ca.SX.sym("multipliers", n)
         following = model.step(x, u, of_model)
-        here, at_end = model.cost(cost, x, u, weights), model.cost(cost, x, rest, weights)
+        here, at_end = cost_of(model, cost, x, u, weights), cost_of(model, cost, x, rest, weights)
         jacobian = ca.jacobian(following, z)
         hessian, _ = ca.hessian(factor * here - ca.dot(multipliers, following), z)
         end_hessian, _ = ca.hessian(at_end, x)

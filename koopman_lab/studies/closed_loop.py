@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.mpc.prediction import PredictionModel
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.mpc.solver import Solver
+from koopman_lab.predictors.predictor import PredictionModel
 from koopman_lab.robots.robot_type import POSE_DIM, RobotType
 from koopman_lab.robots.table import robot_type
 

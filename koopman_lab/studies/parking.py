@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import CostName, LabConfig
-from koopman_lab.koopman.bilinear_model import BilinearModel
-from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction, PredictionModel
 from koopman_lab.mpc.receding_horizon import solver_of
 from koopman_lab.mpc.solver import Plan, Solver
+from koopman_lab.predictors.nominal import NominalPrediction
+from koopman_lab.predictors.predictor import LearnedModel, PredictionModel
+from koopman_lab.predictors.table import load_model, prediction
 from koopman_lab.robots.standard_runs import Box
 from koopman_lab.robots.table import robot_type
 from koopman_lab.studies.closed_loop import closed_loop
@@ -160,23 +161,23 @@ def made(case: Case) -> tuple[PredictionModel, Timed]:
     content = hashlib.sha256(case.model).hexdigest()
     key = f"{case.way} {content} {case.config.model_dump_json()}"
     if key not in known:
-        prediction: PredictionModel = (
+        planned: PredictionModel = (
             NominalPrediction(case.config.robot.kind, case.config.controller.dt_s)
             if case.way == "nominal"
-            else KoopmanPrediction(_loaded(case.model, content))
+            else prediction(_loaded(case.model, content))
         )
-        known[key] = prediction, Timed(solver_of(prediction, case.config))
+        known[key] = planned, Timed(solver_of(planned, case.config))
     return known[key]
 
 
-def _loaded(content: bytes, digest: str) -> BilinearModel:
+def _loaded(content: bytes, digest: str) -> LearnedModel:
     """Return the model of a file that holds this, read once however many cases are of it."""
-    models: dict[str, BilinearModel] = _MADE.__dict__.setdefault("models", {})
+    models: dict[str, LearnedModel] = _MADE.__dict__.setdefault("models", {})
     if digest not in models:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "model.npz"
             file.write_bytes(content)
-            models[digest] = BilinearModel.load(file)
+            models[digest] = load_model(file)
     return models[digest]
 
 

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import CostName, LabConfig, Weights
 from koopman_lab.koopman.dictionary import Dictionary, dictionary
-from koopman_lab.mpc.prediction import PredictionModel
+from koopman_lab.mpc.costs import stage_weights
+from koopman_lab.predictors.predictor import PredictionModel
+from koopman_lab.robots.table import robot_type
 from koopman_lab.studies.closed_loop import closed_loop, x2_last_mm
 
 FACTORS = (0.1, 1.0, 10.0)
@@ -66,17 +68,13 @@ def settings(costs: Sequence[CostName], factors: Sequence[float] = FACTORS) -> l
 
 def apply(config: LabConfig, setting: Setting, observables: Dictionary) -> LabConfig:
     """Return the configuration of a setting."""
-    controller = config.controller
-    weights = controller.weights[setting.cost]
-    names, q = observables.robot.state_names, weights.q
-    if setting.cost == "ds":
-        names = observables.names
-        q = q if len(q) > 1 else q * observables.size
+    controller = config.controller.model_copy(update={"cost": setting.cost})
+    names, q, r = stage_weights(controller, robot_type(config.robot.kind), observables)
     by_group = dict(zip(GROUPS, setting.factors, strict=True))
     scaled = Weights.model_validate(
         {
             "q": [by_group.get(group_of(n), 1.0) * w for n, w in zip(names, q, strict=True)],
-            "r": [by_group["inputs"] * r for r in weights.r],
+            "r": [by_group["inputs"] * w for w in r],
         }
     )
     chosen = {

@@ -214,7 +214,7 @@ def ocp(
     with bench_ocp.trained(models) as trained, progress("ocp") as report:
         for model in trained:
             lab = options.resolve(
-                config, [f"controller.dt_s={model.dt_s}", *(overrides or ())], model.robot_kind
+                config, [f"controller.dt_s={model.dt_s}", *(overrides or ())], model.robot.name
             )
             count = min(states, bench_ocp.QUICK) if quick else states
             for row in bench_ocp.compare(lab, model, count):

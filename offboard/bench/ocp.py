@@ -21,10 +21,12 @@ from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.mpc.costs import StageCost, stage_cost
-from koopman_lab.mpc.prediction import KoopmanPrediction, LiftedPrediction, PredictionModel
 from koopman_lab.mpc.receding_horizon import RecedingHorizon, solver_of
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, Solver
+from koopman_lab.predictors.edmd import KoopmanPrediction
+from koopman_lab.predictors.lifted import LiftedPrediction
+from koopman_lab.predictors.predictor import PredictionModel
 from koopman_lab.robots.table import ROBOTS, robot_type
 from offboard.bench.ocp_solvers import Candidate, Task, makers, own_solver
 from offboard.terminal import options

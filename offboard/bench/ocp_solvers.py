@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import BackEnd, LabConfig
-from koopman_lab.mpc.costs import StageCost
-from koopman_lab.mpc.prediction import PredictionModel
+from koopman_lab.mpc.costs import StageCost, cost_of
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Solver, make_solver
+from koopman_lab.predictors.predictor import PredictionModel
 
 Array = NDArray[np.float64]
 
@@ -136,7 +136,7 @@ class _DoMpc:
         mpc.settings.t_step = settings.dt_s
         mpc.settings.store_full_solution = False
         mpc.settings.supress_ipopt_output()
-        stage, end = (prediction.cost(cost, s, v, weights) for v in (u, rest))
+        stage, end = (cost_of(prediction, cost, s, v, weights) for v in (u, rest))
         mpc.set_objective(lterm=stage, mterm=end)
         mpc.set_rterm(u=0.0)
         mpc.bounds["lower", "_u", "u"] = -np.array(settings.u_max)

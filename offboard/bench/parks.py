@@ -23,8 +23,8 @@ from offboard.terminal.output import err, out, progress
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from koopman_lab.mpc.prediction import PredictionModel
     from koopman_lab.mpc.solver import Solver
+    from koopman_lab.predictors.predictor import PredictionModel
 
 LARGEST_X2_M, LARGEST_ANGLE_RAD = 0.005, math.radians(2.0)
 """What counts as within."""
@@ -82,16 +82,17 @@ def parks(
 
     Example: klab bench parks --model runs/model.npz --runs 100
     """
-    from koopman_lab.koopman.bilinear_model import BilinearModel
-    from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction
+    from koopman_lab.predictors.nominal import NominalPrediction
+    from koopman_lab.predictors.predictor import require_robot
+    from koopman_lab.predictors.table import load_model, prediction
 
-    loaded = BilinearModel.load(model)
-    kind = None if config else loaded.robot_kind
+    loaded = load_model(model)
+    kind = None if config else loaded.robot.name
     lab = options.resolve(config, overrides, kind, preset, seed)
-    loaded.require_robot(lab.robot.kind)
+    require_robot(loaded, lab.robot.kind)
     offset_free = lab.controller.offset_free.model_copy(update={"enabled": True})
     corrected = changed(lab, "controller", offset_free=offset_free)
-    koopman = KoopmanPrediction(loaded)
+    koopman = prediction(loaded)
     nominal = NominalPrediction(lab.robot.kind, lab.controller.dt_s)
     controllers: dict[str, tuple[LabConfig, PredictionModel]] = {
         "koopman": (lab, koopman),

@@ -91,13 +91,14 @@ def stop(
 
     kind = robot
     if model is not None:
-        from koopman_lab.koopman.bilinear_model import BilinearModel
+        from koopman_lab.predictors.predictor import require_robot
+        from koopman_lab.predictors.table import load_model
 
-        loaded = BilinearModel.load(model)
-        kind = kind or (None if config else loaded.robot_kind)
+        loaded = load_model(model)
+        kind = kind or (None if config else loaded.robot.name)
     lab = options.resolve(config, overrides, kind, url=url)
     if model is not None:
-        loaded.require_robot(lab.robot.kind)
+        require_robot(loaded, lab.robot.kind)
     listener = options.listen(lab)
     run = new_folder(folder, "stop", lab)
     with keeping_the_log(run), progress("pressing", "stops") as report:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from koopman_lab.config.change import changed
+from koopman_lab.config.costs import COSTS
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.robots.table import robot_type
 from offboard.commands.park import show
 from offboard.desk.results import ParkSummary
 from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
+from offboard.terminal.choices import name_option
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err
 
@@ -21,35 +20,33 @@ if TYPE_CHECKING:
     from koopman_lab.figures.path import Curve
 
 
-class Contestant(str, Enum):
-    """Choices of ``--controller``."""
-
-    me = "me"
-    ce = "ce"
-    ds = "ds"
-    nominal = "nominal"
+NOMINAL = "nominal"
+"""A controller that predicts with the nominal equations, with the cost ``me``."""
 
 
-CHANGES: dict[str, dict[str, Any]] = {
-    "me": {"cost": "me"},
-    "ce": {"cost": "ce"},
-    "ds": {"cost": "ds"},
-    "nominal": {"cost": "me", "predict": "nominal"},
-}
-"""Of the configuration's section ``controller``."""
 KEPT = ("parked", "reason", "final_pose", "duration_s", "solve_ms", "pose_age_ms")
 """Of each run's summary, in that of the comparison."""
+
+
+def _names() -> tuple[str, ...]:
+    """Return the choices of ``--controller``."""
+    return (*COSTS.names(), NOMINAL)
+
+
+def _changes(name: str) -> dict[str, Any]:
+    """Return what a controller changes in the configuration's section ``controller``."""
+    return {"cost": "me", "predict": "nominal"} if name == NOMINAL else {"cost": name}
 
 
 @needs("desk")
 def compare(
     model: options.ModelFile,
     controller: Annotated[
-        list[Contestant] | None,
-        typer.Option(
-            "--controller",
-            help="A cost with the model, or the nominal equations with the cost me; several may "
-            "be named. Default: all.",
+        list[str] | None,
+        name_option(
+            *("--controller", "controller", _names),
+            "A cost with the model, or the nominal equations with the cost me; several may be "
+            "named. Default: those of the paper.",
         ),
     ] = None,
     start: options.Start = None,
@@ -69,17 +66,17 @@ def compare(
 
     Example: klab compare --model runs/model.npz --lockstep --out runs/lab-runs
     """
-    from koopman_lab.koopman.bilinear_model import BilinearModel
-    from koopman_lab.mpc.prediction import prediction_of
+    from koopman_lab.predictors.predictor import require_robot
+    from koopman_lab.predictors.table import load_model, prediction_of
     from offboard.lab import parking
     from offboard.lab.session_watch import session_listener
 
-    loaded = BilinearModel.load(model)
-    kind = loaded.robot_kind if config is None else None
+    loaded = load_model(model)
+    kind = loaded.robot.name if config is None else None
     lab = options.resolve(config, overrides, kind, preset, seed, url, robot_name=robot_name)
-    loaded.require_robot(lab.robot.kind)
-    names = [choice.value for choice in controller or Contestant]
-    labs = {name: changed(lab, "controller", **CHANGES[name]) for name in names}
+    require_robot(loaded, lab.robot.kind)
+    names = controller or (*COSTS.own_names(), NOMINAL)
+    labs = {name: changed(lab, "controller", **_changes(name)) for name in names}
     begin = options.start_of(start, robot_type(lab.robot.kind).runs.park_start)
     sessions = {
         name: parking.Parking(model, start=begin, prediction=prediction_of(loaded, each.controller))

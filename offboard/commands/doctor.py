@@ -234,8 +234,10 @@ def _compiler(lab: LabConfig) -> Iterator[Finding]:
 
 def _factory_fault(table: Registry[Any], name: str) -> str:
     """Return what is wrong with what a usable row refers to; empty if nothing is."""
+    row = table.get(name)
     try:
-        table.load(name, getattr(table.get(name), "factory", None))
+        for part in ("factory", "load", "plan", "train"):
+            table.load(name, getattr(row, part, None))
     except PluginError as error:
         return str(error)
     return ""
@@ -247,9 +249,11 @@ def _plug_ins(lab: LabConfig) -> Iterator[Finding]:
     from koopman_lab.bus.channels import channel_faults
     from koopman_lab.bus.hardware import CAMERAS, DRIVERS
     from koopman_lab.bus.processes import PROCESSES
+    from koopman_lab.config.costs import COSTS
+    from koopman_lab.predictors.table import PREDICTORS
     from koopman_lab.robots.table import ROBOTS
 
-    tables: tuple[Registry[Any], ...] = (ROBOTS, PROCESSES, DRIVERS, CAMERAS)
+    tables: tuple[Registry[Any], ...] = (ROBOTS, COSTS, PREDICTORS, PROCESSES, DRIVERS, CAMERAS)
     for table in tables:
         faults = table.faults()
         for name in sorted({*table.others(), *faults}):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
 
 import typer
 
@@ -20,9 +19,7 @@ def park(
     model: options.ModelFile,
     start: options.Start = None,
     goal: options.Goal = (0.0, 0.0, 0.0),
-    cost: Annotated[
-        str | None, typer.Option("--cost", help="Stage cost: me, ce, ds (section 3.3).")
-    ] = None,
+    cost: options.Cost = None,
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
     robot: options.Robot = None,
@@ -40,20 +37,20 @@ def park(
 
     Example: klab park --model runs/model.npz --start -1.1 -0.53 -42.68 --lockstep
     """
-    from koopman_lab.koopman.bilinear_model import BilinearModel
-    from koopman_lab.mpc.prediction import prediction_of
+    from koopman_lab.predictors.predictor import require_robot
+    from koopman_lab.predictors.table import load_model, prediction_of
     from offboard.lab import parking
     from offboard.lab.session_watch import session_listener
 
-    loaded = BilinearModel.load(model)
+    loaded = load_model(model)
     changes = list(overrides or ())
     if cost is not None:
         changes.append(f"controller.cost={cost}")
     kind = robot
     if kind is None and config is None:
-        kind = loaded.robot_kind
+        kind = loaded.robot.name
     lab = options.resolve(config, changes, kind, preset, seed, url, robot_name=robot_name)
-    loaded.require_robot(lab.robot.kind)
+    require_robot(loaded, lab.robot.kind)
     begin = options.start_of(start, robot_type(lab.robot.kind).runs.park_start)
     predicts = prediction_of(loaded, lab.controller)
     session = parking.Parking(model, options.pose_of(goal), begin, predicts)

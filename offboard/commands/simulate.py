@@ -19,16 +19,8 @@ from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
-    from koopman_lab.mpc.prediction import PredictionModel
+    from koopman_lab.predictors.predictor import PredictionModel
     from koopman_lab.studies.closed_loop import Run
-
-
-class CostChoice(str, Enum):
-    """Choices of ``--cost``."""
-
-    me = "me"
-    ce = "ce"
-    ds = "ds"
 
 
 class Predict(str, Enum):
@@ -45,9 +37,7 @@ def simulate(
         Path | None, typer.Option("--model", metavar="FILE", help="From `klab train`.")
     ] = None,
     start: options.Start = None,
-    cost: Annotated[
-        list[CostChoice] | None, typer.Option("--cost", help="Stage cost; several may be named.")
-    ] = None,
+    cost: options.Costs = None,
     predict: Annotated[
         list[Predict] | None,
         typer.Option(
@@ -72,15 +62,15 @@ def simulate(
 
     Example: klab simulate --model runs/model.npz --start 0 0.5 0 --cost me --cost ce --cost ds
     """
-    from koopman_lab.koopman.bilinear_model import BilinearModel
+    from koopman_lab.predictors.table import load_model
     from koopman_lab.studies.closed_loop import closed_loop
 
-    loaded = None if model is None else BilinearModel.load(model)
+    loaded = None if model is None else load_model(model)
     kind, wanted = robot, list(overrides or ())
     if loaded is not None:
-        kind = kind or (loaded.robot_kind if config is None else None)
+        kind = kind or (loaded.robot.name if config is None else None)
         wanted.insert(0, f"controller.dt_s={loaded.dt_s}")
-    costs = [choice.value for choice in cost or ()]
+    costs = list(cost or ())
     ways = [way.value for way in predict or ()] or ["nominal" if loaded is None else "reprojected"]
     lab = options.resolve(config, wanted, kind)
     costs = costs or [lab.controller.cost]
@@ -101,14 +91,16 @@ def simulate(
 
 
 def _prediction(lab: LabConfig, loaded: Any, way: str) -> PredictionModel:
-    from koopman_lab.mpc.prediction import KoopmanPrediction, NominalPrediction
+    from koopman_lab.predictors.nominal import NominalPrediction
+    from koopman_lab.predictors.predictor import require_robot
+    from koopman_lab.predictors.table import prediction
 
     if way == "nominal":
         return NominalPrediction(lab.robot.kind, lab.controller.dt_s)
     if loaded is None:
         raise ModelError(f"--predict {way} needs a model; name it with --model")
-    loaded.require_robot(lab.robot.kind)
-    return KoopmanPrediction(loaded)
+    require_robot(loaded, lab.robot.kind)
+    return prediction(loaded)
 
 
 def _write(place: RunFolder, lab: LabConfig, runs: dict[str, Run], model: Path | None) -> None:

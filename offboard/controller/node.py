@@ -13,9 +13,10 @@ from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import ORIGIN, Pose, Velocity, compose, relative_to
-from koopman_lab.mpc.prediction import PredictionModel, load_prediction
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.mpc.solver import Solver
+from koopman_lab.predictors.predictor import PredictionModel
+from koopman_lab.predictors.table import load_prediction
 from koopman_lab.units import US_PER_S
 from offboard.controller.controller import Controller, Inputs, State
 from offboard.controller.delay import LoopDelay

@@ -26,7 +26,7 @@ from offboard.lab.session_watch import START_LIMIT_S
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
-    from koopman_lab.mpc.prediction import PredictionModel
+    from koopman_lab.predictors.predictor import PredictionModel
     from offboard.controller.node import ControllerNode
 
 AFTER_LIMIT_S = 10.0
@@ -136,7 +136,7 @@ class Parking(SessionKind["ControllerNode", ParkOutcome]):
         return self.limit_s(config) + START_LIMIT_S
 
     def _predicts(self, config: LabConfig) -> PredictionModel:
-        from koopman_lab.mpc.prediction import load_prediction
+        from koopman_lab.predictors.table import load_prediction
 
         if self._prediction is None:
             self._prediction = load_prediction(self.model, config.controller)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from koopman_lab.config.costs import COSTS
 from koopman_lab.config.load import load_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import DataError
@@ -65,6 +66,11 @@ Url = Annotated[
     str | None, typer.Option("--url", help="LCM bus; default: LCM_DEFAULT_URL, then bus.url.")
 ]
 ModelFile = Annotated[Path, typer.Option("--model", metavar="FILE", help="From `klab train`.")]
+Cost = Annotated[str | None, row_option("--cost", COSTS, "Stage cost (paper, section 3.3).")]
+Costs = Annotated[
+    list[str] | None,
+    row_option("--cost", COSTS, "Stage cost; several may be named."),
+]
 Start = Annotated[
     tuple[float, float, float] | None,
     typer.Option("--start", metavar="X Y THETA", help="m, m, degrees; default as the paper."),

@@ -145,6 +145,14 @@ def message(tmp_path: Path, text: str, **kwargs) -> str:
         ),
         ("robot: {kind: 3}\n", "lab.yaml:1: robot.kind: input should be a valid string, found 3"),
         ("presets: {}\n", "lab.yaml:1: presets: unknown key"),
+        (
+            "controller:\n  cost: mee\n",
+            "lab.yaml:2: controller.cost: input should be 'me', 'ce' or 'ds', found 'mee'",
+        ),
+        (
+            "controller:\n  weights:\n    mee: {q: [1, 2, 3], r: [1, 1]}\n",
+            "lab.yaml:3: controller.weights.mee: input should be 'me', 'ce' or 'ds', found 'mee'",
+        ),
     ],
 )
 def test_messages_name_file_line_key_and_remedy(tmp_path, text, said):

@@ -7,10 +7,10 @@ from koopman_lab.config.load import load_config
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import Pose, Velocity, compose, relative_to
 from koopman_lab.mpc.costs import stage_cost
-from koopman_lab.mpc.prediction import NominalPrediction
 from koopman_lab.mpc.receding_horizon import RecedingHorizon
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, make_solver
+from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.table import robot_type
 from offboard.controller.controller import Controller, Inputs, State
 from offboard.controller.estimate import Frame, WheelSpeeds

@@ -11,7 +11,7 @@ from koopman_lab.bus import channels
 from koopman_lab.config.load import load_config, parse_config
 from koopman_lab.errors import ModelError
 from koopman_lab.geometry.planar import Pose, compose, relative_to
-from koopman_lab.mpc.prediction import NominalPrediction
+from koopman_lab.predictors.nominal import NominalPrediction
 from offboard.controller.node import ControllerNode
 from offboard.logger.node import LoggerNode
 from onboard.motor_loop.node import OnboardNode

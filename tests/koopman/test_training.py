@@ -12,6 +12,7 @@ from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import DICTIONARIES, Dictionary, register
 from koopman_lab.koopman.fit import fit_matrix
 from koopman_lab.koopman.train import Method, train
+from koopman_lab.predictors.predictor import require_robot
 from koopman_lab.robots.nominal_model import nominal_model
 
 
@@ -234,4 +235,4 @@ def test_files_that_are_no_model_and_models_of_the_other_robot(tmp_path):
     with pytest.raises(ModelError, match="damaged, or not a model"):
         BilinearModel.load(path)
     with pytest.raises(ModelError, match="--robot kinematic"):
-        model.require_robot("dynamic")
+        require_robot(model, "dynamic")

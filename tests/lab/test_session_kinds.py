@@ -13,7 +13,7 @@ from koopman_lab.errors import ConfigError, LabStateError, ModelError
 from koopman_lab.geometry.planar import Pose
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.mpc import receding_horizon
-from koopman_lab.mpc.prediction import KoopmanPrediction
+from koopman_lab.predictors.edmd import KoopmanPrediction
 from offboard.cli.main import app
 from offboard.lab.calibration import Calibration
 from offboard.lab.parking import Parking

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from koopman_lab.config.costs import COSTS, Cost
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ConfigError
 from koopman_lab.koopman.dictionary import dictionary
@@ -14,6 +15,7 @@ from koopman_lab.mpc.costs import (
     Quadratic,
     QuadraticInObservables,
     stage_cost,
+    stage_weights,
 )
 from koopman_lab.robots import nominal_model as robots
 
@@ -99,3 +101,59 @@ def test_the_configuration_names_the_weights(robot, name):
         assert cost(unit, [0.0, 0.0]) == weight
     for index, weight in enumerate(weights.r):
         assert cost(np.zeros(len(weights.q)), np.eye(2)[index]) == weight
+
+
+@pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
+@pytest.mark.parametrize("name", COSTS.names())
+def test_every_cost_of_the_table_is_zero_at_the_goal_alone_and_the_same_in_symbols(name, robot):
+    config = load_config(robot=robot, overrides=[f"controller.cost={name}"])
+    observables = dictionary(config.model.dictionary, robot)
+    of, rng = robots.nominal_model(robot), np.random.default_rng(0)
+    cost = stage_cost(config.controller, of, observables)
+    names, q, r = stage_weights(config.controller, of, observables)
+    assert len(cost.parameters) == len(q) + len(r) == len(names) + of.input_dim
+    assert cost(np.zeros(of.state_dim), np.zeros(of.input_dim)) == 0.0
+    x_symbol, u_symbol = ca.SX.sym("x", of.state_dim), ca.SX.sym("u", of.input_dim)
+    weights = ca.SX.sym("weights", len(cost.parameters))
+    function = ca.Function(
+        "cost", [x_symbol, u_symbol, weights], [cost(x_symbol, u_symbol, weights)]
+    )
+    for _ in range(20):
+        x, u = rng.normal(size=of.state_dim), rng.normal(size=of.input_dim)
+        assert cost(x, u) > 0.0
+        assert float(function(x, u, cost.parameters)) == pytest.approx(cost(x, u), rel=1e-12)
+
+
+@pytest.fixture
+def eager():
+    """Add a cost that has weights of its own."""
+    row = Cost(
+        "eager",
+        lambda q, r, robot, observables: Quadratic(q, r),  # noqa: ARG005
+        weights=lambda robot: ((2.0,) * robot.state_dim, (3.0,) * robot.input_dim),
+    )
+    COSTS.register(row.name, row)
+    yield
+    COSTS.forget(row.name)
+
+
+@pytest.mark.usefixtures("eager")
+def test_a_cost_of_others_brings_weights_that_the_configuration_may_replace():
+    asked = ["controller.cost=eager"]
+    settings = load_config(robot="dynamic", overrides=asked).controller
+    cost = stage_cost(settings, robots.DYNAMIC)
+    assert cost.parameters.tolist() == [2.0] * 5 + [3.0] * 2
+    asked.append("controller.weights.eager={q: [1, 2, 3], r: [4, 5]}")
+    settings = load_config(robot="kinematic", overrides=asked).controller
+    assert stage_cost(settings, robots.KINEMATIC).parameters.tolist() == [1, 2, 3, 4, 5]
+    # How many it takes it says where it is built; the configuration does not ask it.
+    settings = load_config(robot="dynamic", overrides=asked).controller
+    with pytest.raises(ConfigError, match=r"weights\.eager\.q has 3 weights, the dynamic robot h"):
+        stage_cost(settings, robots.DYNAMIC)
+
+
+def test_a_cost_without_weights_says_where_to_put_them():
+    settings = load_config(robot="kinematic").controller
+    settings = settings.model_copy(update={"weights": {}})
+    with pytest.raises(ConfigError, match=r"add controller\.weights\.me with q and r"):
+        stage_cost(settings, robots.KINEMATIC)

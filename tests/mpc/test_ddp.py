@@ -5,8 +5,8 @@ import pytest
 
 from koopman_lab.config.load import load_config
 from koopman_lab.mpc.costs import Quadratic, stage_cost
-from koopman_lab.mpc.prediction import NominalPrediction
 from koopman_lab.mpc.solver import make_solver
+from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.dynamic import DYNAMIC
 from koopman_lab.robots.kinematic import KINEMATIC
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from koopman_lab.mpc.costs import Quadratic
-from koopman_lab.mpc.prediction import NominalPrediction
 from koopman_lab.mpc.solver import make_solver
+from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.kinematic import KINEMATIC
 from koopman_lab.robots.robot_type import Quantity, RobotType
 from koopman_lab.robots.table import ROBOTS

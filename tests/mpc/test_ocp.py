@@ -10,9 +10,10 @@ from koopman_lab.errors import ConfigError
 from koopman_lab.koopman.train import train
 from koopman_lab.mpc.costs import MixedExponents, stage_cost
 from koopman_lab.mpc.ocp import Bounds, bounds_for, transcribe
-from koopman_lab.mpc.prediction import LiftedPrediction, NominalPrediction
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import NlpSolver, make_solver
+from koopman_lab.predictors.lifted import LiftedPrediction
+from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.dynamic import DYNAMIC
 from koopman_lab.robots.kinematic import KINEMATIC
 from koopman_lab.robots.nominal_model import nominal_model

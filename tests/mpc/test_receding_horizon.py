@@ -6,10 +6,10 @@ import pytest
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ModelError
 from koopman_lab.mpc.costs import stage_cost
-from koopman_lab.mpc.prediction import NominalPrediction
 from koopman_lab.mpc.receding_horizon import RecedingHorizon, receding_horizon
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, make_solver
+from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.nominal_model import nominal_model
 
 PARALLEL = np.array([0.0, 0.5, 0.0])

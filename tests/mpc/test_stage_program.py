@@ -13,9 +13,9 @@ import koopman_lab.mpc.ddp
 from koopman_lab.config.load import load_config
 from koopman_lab.mpc import compiled, ddp
 from koopman_lab.mpc.costs import stage_cost
-from koopman_lab.mpc.prediction import NominalPrediction
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import MOST_ITERATIONS, make_solver
+from koopman_lab.predictors.nominal import NominalPrediction
 
 FOLDER = Path(koopman_lab.mpc.ddp.__file__).parent
 CHOICE = "#if INPUTS == 2"

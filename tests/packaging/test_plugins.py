@@ -2,23 +2,29 @@
 
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
-from klab import klab, start_klab
+from klab import MODEL, REFERENCE, klab, start_klab
 from plugin_package import install
 from real_bus import Ear, recorded
 
 import lcmtypes
 from koopman_lab.bus.channels import ENCODER, MOCAP_POSE, Channel
 
-TEXT = (Path(__file__).parents[1] / "support" / "stranger.py").read_text()
+SUPPORT = Path(__file__).parents[1] / "support"
+MODULES = {name: (SUPPORT / f"{name}.py").read_text() for name in ("stranger", "stranger_models")}
 BEACON_HEARTBEAT = Channel("BEACON_HEARTBEAT", lcmtypes.node_status_t, "heartbeat", "beacon")
 """The table of this process knows no stranger."""
 ROWS = {
     "koopman_lab.nodes": {"beacon": "stranger:BEACON"},
     "koopman_lab.drivers": {"acme": "stranger:ACME_MOTORS"},
     "koopman_lab.cameras": {"acme": "stranger:ACME_CAMERAS"},
+    "koopman_lab.costs": {"fourth": "stranger_models:FOURTH"},
+    "koopman_lab.predictors": {"gains": "stranger_models:GAINS"},
 }
 
 
@@ -30,7 +36,7 @@ def path_of(folder, monkeypatch):
 @pytest.fixture
 def stranger(tmp_path, monkeypatch):
     """Install a package with a row in every table."""
-    path_of(install(tmp_path / "site", ROWS, {"stranger": TEXT}), monkeypatch)
+    path_of(install(tmp_path / "site", ROWS, MODULES), monkeypatch)
     # What broke in other tests is remembered elsewhere.
     monkeypatch.setenv("KOOPMAN_LAB_CACHE", str(tmp_path / "cache"))
 
@@ -121,6 +127,36 @@ def test_motors_and_cameras_of_a_stranger_take_the_place_of_the_plant(bus_url):
 
 
 @pytest.mark.usefixtures("stranger")
+def test_a_stranger_learns_a_model_and_parks_with_it_and_a_cost_of_its_own(tmp_path, monkeypatch):
+    model, folder = tmp_path / "gains.npz", tmp_path / "park"
+    learned = run("train", REFERENCE / "calibration.lcm", "--predictor", "gains", "--out", model)
+    assert learned.returncode == 0, learned.stderr
+    assert "gains: " in learned.stdout
+    facts = json.loads(run("model", "info", model, "--json").stdout)
+    assert (facts["predictor"], facts["package"]) == ("gains", "klab-stranger")
+    # The lab's robot drives about as far as it is told.
+    np.testing.assert_allclose(facts["gains"], 1.0, atol=0.1)
+    parked = run(
+        *("park", "--model", model, "--cost", "fourth", "--start", "-0.3", "0.1", "0"),
+        *("--lockstep", "--out", folder),
+    )
+    assert parked.returncode == 0, parked.stderr
+    assert json.loads((folder / "summary.json").read_text())["parked"]
+    assert "cost: fourth" in (folder / "config.yaml").read_text()
+    # Where the package is missing, all say what to install.
+    monkeypatch.delenv("PYTHONPATH")
+    for command in (("model", "info", model), ("park", "--model", model, "--lockstep")):
+        done = run(*command)
+        assert done.returncode == 2
+        (line,) = done.stderr.splitlines()
+        assert f"{model}: a model of the predictor 'gains', which is not installed" in line
+        assert "install the package klab-stranger" in line
+    done = run("park", "--model", MODEL, "--set", "controller.cost=fourth", "--lockstep")
+    assert done.returncode == 2
+    assert "controller.cost: input should be 'me', 'ce' or 'ds', found 'fourth'" in done.stderr
+
+
+@pytest.mark.usefixtures("stranger")
 @pytest.mark.parametrize(
     ("command", "shown"),
     [
@@ -129,6 +165,10 @@ def test_motors_and_cameras_of_a_stranger_take_the_place_of_the_plant(bus_url):
         (("up", "--help"), "--with <beacon>"),
         (("run", "driver", "--help"), "--driver <plant|acme>"),
         (("run", "mocap", "--help"), "--driver <plant|acme>"),
+        (("train", "--help"), "--predictor <edmd|gains>"),
+        (("park", "--help"), "--cost <me|ce|ds|fourth>"),
+        (("study", "weights", "--help"), "--cost <me|ce|ds|fourth>"),
+        (("compare", "--help"), "--controller <me|ce|ds|fourth|nominal>"),
     ],
 )
 def test_what_is_added_is_shown(command, shown):
@@ -160,8 +200,11 @@ BROKEN_ROWS = {
     "koopman_lab.drivers": {"motors": "broken:MOTORS"},
     "koopman_lab.cameras": {"eyes": "no_such_module:ROW"},
     "koopman_lab.robots": {"omni": "no_such_module:ROW"},
+    "koopman_lab.costs": {"huber": "no_such_module:ROW", "ds": "stranger_models:FOURTH"},
+    "koopman_lab.predictors": {"resnet": "no_such_module:ROW"},
 }
 OF = "of the package klab-stranger"
+PARK = ("park", "--model", MODEL, "--lockstep", "--cost")
 NO_MODULE = "cannot be loaded: ModuleNotFoundError: No module named 'no_such_module'"
 
 
@@ -169,7 +212,7 @@ NO_MODULE = "cannot be loaded: ModuleNotFoundError: No module named 'no_such_mod
 def broken(tmp_path_factory):
     """Install packages with everything that does not fit; return where."""
     folder = tmp_path_factory.mktemp("broken")
-    install(folder, BROKEN_ROWS, {"broken": BROKEN, "stranger": TEXT})
+    install(folder, BROKEN_ROWS, {"broken": BROKEN, **MODULES})
     old = {"koopman_lab.nodes": {"old": "broken:OLD", "twice": "broken:OLD"}}
     return install(folder, old, {}, name="klab-old", requires="koopman-lab>=99")
 
@@ -187,8 +230,11 @@ def broken(tmp_path_factory):
         (("run", "old"), ("node 'old' of the package klab-old is for koopman-lab>=99",)),
         (("run", "driver", "--driver", "motors"), (f"driver 'motors' {OF}", NO_MODULE)),
         (("run", "mocap", "--driver", "eyes"), (f"camera bridge 'eyes' {OF}", NO_MODULE)),
+        ((*PARK, "huber"), (f"cost 'huber' {OF}", NO_MODULE)),
+        ((*PARK, "ds"), ("cost 'ds' is in koopman-lab and in klab-stranger",)),
+        (("train", "absent", "--predictor", "resnet"), (f"predictor 'resnet' {OF}", NO_MODULE)),
     ],
-    ids=lambda value: " ".join(value) if isinstance(value, tuple) else None,
+    ids=lambda value: " ".join(map(str, value[:2])) if isinstance(value, tuple) else None,
 )
 def test_what_does_not_fit_is_one_message(command, said, broken, monkeypatch, tmp_path):
     path_of(broken, monkeypatch)
@@ -225,6 +271,22 @@ def test_the_doctor_names_everything_that_is_broken(broken, monkeypatch):
     done = run("doctor")
     assert done.returncode == 2
     lines = [line for line in done.stdout.splitlines() if line.startswith("plug-in: BROKEN")]
-    for name in ("absent", "later", "pacer", "twice", "old", "motors", "eyes", "omni"):
+    nodes = ("absent", "later", "pacer", "twice", "old")
+    for name in (*nodes, "motors", "eyes", "omni", "huber", "ds", "resnet"):
         assert any(f"'{name}' " in line for line in lines), name
     assert "plug-in: ok (node 'lonely' of the package klab-stranger)" in done.stdout.splitlines()
+
+
+def test_the_command_line_starts_without_a_look_at_other_packages():
+    code = (
+        "from koopman_lab import registry\n"
+        "registry.entry_points = None\n"
+        "import offboard.cli.main\n"
+        "from koopman_lab.config.load import load_config\n"
+        "from koopman_lab.bus.channels import HEARTBEATS\n"
+        "from koopman_lab.bus.processes import priority_of\n"
+        "for robot in ('kinematic', 'dynamic'): load_config(robot=robot)\n"
+        "HEARTBEATS['onboard'], priority_of('onboard')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

@@ -25,8 +25,10 @@ from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import dictionary, from_expressions
 from koopman_lab.koopman.train import Method, train
 from koopman_lab.mpc.costs import stage_cost
-from koopman_lab.mpc.prediction import KoopmanPrediction, LiftedPrediction, NominalPrediction
 from koopman_lab.mpc.solver import make_solver
+from koopman_lab.predictors.edmd import KoopmanPrediction
+from koopman_lab.predictors.lifted import LiftedPrediction
+from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.robot_type import Quantity, RobotType
 from koopman_lab.robots.table import ROBOTS, robot_type
 from koopman_lab.studies.closed_loop import as_rows, closed_loop, columns

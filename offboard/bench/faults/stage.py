@@ -131,7 +131,7 @@ class Stage:
     """
 
     def __init__(self, config: LabConfig, activity: Activity, log: Path) -> None:
-        from koopman_lab.mpc.prediction import NominalPrediction
+        from koopman_lab.predictors.nominal import NominalPrediction
 
         start = list(START) if activity == "park" else list(config.plant.initial_pose)
         self.config = config = changed(config, "plant", initial_pose=tuple(start))

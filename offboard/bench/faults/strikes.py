@@ -19,7 +19,7 @@ from koopman_lab.config.robot_side import Fault
 from koopman_lab.emulation.faults import fault_message
 from koopman_lab.errors import LabStateError, ModelError
 from koopman_lab.geometry.planar import Pose
-from koopman_lab.mpc.prediction import NominalPrediction
+from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.table import ROBOTS, robot_type
 from koopman_lab.units import US_PER_S
 from offboard.bench.faults.failing_solver import FailingSolver

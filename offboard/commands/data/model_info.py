@@ -17,6 +17,8 @@ from offboard.terminal.output import out
 app = Commands(help="Look into model files.", no_args_is_help=True)
 
 INDENT = "  "
+MOST_AXES = 2
+"""Of the arrays that are shown: basis inputs, but no stack of matrices."""
 
 
 @app.callback()
@@ -36,18 +38,17 @@ def info(
 
     Example: klab model info runs/model.npz
     """
-    import numpy as np
-
     from koopman_lab.files import sha256
-    from koopman_lab.koopman.bilinear_model import BilinearModel
+    from koopman_lab.koopman.model_file import read_model_file
+    from koopman_lab.predictors.table import model_of
 
-    model = BilinearModel.load(file)
-    with np.load(file, allow_pickle=False) as archive:
-        # As it was written: whatever a version adds to it is shown without a word here.
-        header = json.loads(bytes(archive["header"]))
+    read = read_model_file(file)
+    model_of(read)  # for what it refuses
+    # As it was written: whatever a version adds to it is shown without a word here.
+    _, header, arrays = read
     metadata = header.pop("metadata")
-    facts = {"file": str(file), "sha256": sha256(file), **header}
-    facts |= {"basis_inputs": model.basis_inputs.tolist(), **metadata}
+    small = {name: a.tolist() for name, a in sorted(arrays.items()) if a.ndim <= MOST_AXES}
+    facts = {"file": str(file), "sha256": sha256(file), **header, **small, **metadata}
     if as_json:
         out.print_json(json.dumps(facts))
         return

@@ -12,7 +12,9 @@ import typer
 
 from koopman_lab.errors import ModelError
 from offboard.commands.data.marker_line import marker_line
+from offboard.commands.data.model_info import lines
 from offboard.terminal import options
+from offboard.terminal.choices import name_option
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, show_passed_over
 
@@ -34,6 +36,13 @@ class CombinationName(str, Enum):
     generator = "generator"
 
 
+def _predictors() -> Sequence[str]:
+    """Return the choices of ``--predictor``."""
+    from koopman_lab.predictors.table import PREDICTORS
+
+    return PREDICTORS.names()
+
+
 @needs("desk")
 def train(
     sources: Annotated[
@@ -48,6 +57,9 @@ def train(
         Path | None,
         typer.Option("--out", metavar="FILE", help="Default: model.npz beside the first source."),
     ] = None,
+    predictor: Annotated[
+        str, name_option("--predictor", "predictor", _predictors, "What is learned.")
+    ] = "edmd",
     dictionary: options.Dictionary = None,
     window: options.Window = None,
     dt_s: options.SamplingTime = None,
@@ -69,6 +81,7 @@ def train(
 ) -> None:
     """Fit a bilinear Koopman model; prints samples, rank, condition, defects.
 
+    With --predictor another package's model instead, which says what it makes of the other options.
     A folder of .dat files from elsewhere needs --robot and --dt.
 
     Example: klab train runs/calibration --window 40 --out runs/model.npz
@@ -81,6 +94,7 @@ def train(
         dictionary,
         window,
         dt_s,
+        predictor=predictor,
         method=Method(estimator.value, ridge, symmetric, combination.value),
         robot_kind=robot,
         salvage=salvage,
@@ -95,6 +109,7 @@ def learn(
     window: int | None = None,
     dt_s: float | None = None,
     *,
+    predictor: str = "edmd",
     method: Method | None = None,
     robot_kind: str | None = None,
     salvage: bool = False,
@@ -108,8 +123,11 @@ def learn(
         If a source cannot be used, or together they do not excite the dictionary.
     """
     from koopman_lab.data.source import open_source
-    from koopman_lab.koopman.train import Trainer
+    from koopman_lab.koopman.train import Method, TrainingReport
+    from koopman_lab.predictors.table import PREDICTORS, trainer_of
 
+    PREDICTORS.get(predictor)  # before hours of data are read
+    method = method or Method()
     trainer = folder = None
     passed_over = []
     for source in sources:
@@ -117,7 +135,8 @@ def learn(
             source, robot_kind=robot_kind, dt_s=dt_s, window=window, salvage=salvage
         )
         if trainer is None or folder is None:
-            trainer, folder = Trainer(dictionary or opened.dictionary, method), opened.folder
+            trainer = trainer_of(predictor, dictionary or opened.dictionary, method)
+            folder = opened.folder
         trainer.add(opened.dataset)
         passed_over.append(opened.passed_over)
     assert trainer is not None  # typer and the callers give at least one source
@@ -133,11 +152,15 @@ def learn(
     for part in passed_over:
         show_passed_over(part)
     if as_json:
-        marker = learned.metadata["data"].get("marker")
+        marker = learned.metadata.get("data", {}).get("marker")
         out.print_json(json.dumps(report.as_dict() | {"model": str(path), "marker": marker}))
     else:
-        _show(report)
-        line = marker_line(learned.metadata["data"])
+        if isinstance(report, TrainingReport):
+            _show(report)
+        else:
+            for text in lines(report.as_dict()):
+                out.print(text, markup=False)
+        line = marker_line(learned.metadata.get("data", {}))
         if line:
             out.print(line)
         err.print(f"model: {path}")

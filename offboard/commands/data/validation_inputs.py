@@ -12,13 +12,13 @@ from offboard.terminal.output import show_passed_over
 if TYPE_CHECKING:
     from koopman_lab.data.decode import SessionLog
     from koopman_lab.data.reference import ReferenceRuns
-    from koopman_lab.koopman.bilinear_model import BilinearModel
+    from koopman_lab.predictors.predictor import LearnedModel
 
 
 class ValidationInputs(NamedTuple):
     """Models by name, and the runs of each session; all of one robot and one sampling time."""
 
-    models: dict[str, BilinearModel]
+    models: dict[str, LearnedModel]
     sessions: list[ReferenceRuns]
     logs: list[SessionLog]
 
@@ -42,7 +42,7 @@ def models_and_runs(
     from koopman_lab.data.reference import reference_runs
     from koopman_lab.data.source import ENDING
     from koopman_lab.evaluation.validation import common_dt_s, require_robot
-    from koopman_lab.koopman.bilinear_model import BilinearModel
+    from koopman_lab.predictors.table import load_model
 
     files = list(dict.fromkeys(path for path in given if path.suffix == ENDING))
     others = list(dict.fromkeys(path for path in given if path.suffix != ENDING))
@@ -53,8 +53,7 @@ def models_and_runs(
         raise DataError(f"{', '.join(map(str, given))}: no {missing} among them; name at least one")
     names = [path.stem for path in files]
     models = {
-        path.stem if names.count(path.stem) == 1 else str(path): BilinearModel.load(path)
-        for path in files
+        path.stem if names.count(path.stem) == 1 else str(path): load_model(path) for path in files
     }
     common_dt_s(models)
     logs = [SessionLog(path, salvage=salvage) for path in others]

@@ -8,10 +8,9 @@ from typing import Annotated
 
 import typer
 
-from koopman_lab.config.schema import CostName
+from koopman_lab.config.costs import COSTS
 from koopman_lab.errors import DataError
 from koopman_lab.robots.table import robot_type
-from offboard.commands.simulate import CostChoice
 from offboard.commands.studies import study_starts
 from offboard.terminal import options
 from offboard.terminal.choices import Commands
@@ -34,9 +33,7 @@ def weights(
         tuple[float, float, float] | None,
         typer.Option("--start", metavar="X Y THETA", help="m, m, degrees; default as the paper."),
     ] = None,
-    cost: Annotated[
-        list[CostChoice] | None, typer.Option("--cost", help="Default: all of them.")
-    ] = None,
+    cost: options.Costs = None,
     factors: Annotated[
         str, typer.Option("--factors", metavar="F,F,...", help="Of the weights of each group.")
     ] = "0.1,1,10",
@@ -49,25 +46,26 @@ def weights(
 ) -> None:
     """Show over a grid of weights and bounds how far each cost leaves the robot from the goal.
 
+    Without --cost: those of the paper.
+
     Example: klab study weights --model runs/model.npz --start 0 0.5 0 --out runs/weights.csv
     """
     from koopman_lab.files import write_csv
-    from koopman_lab.koopman.bilinear_model import BilinearModel
-    from koopman_lab.mpc.prediction import KoopmanPrediction
+    from koopman_lab.predictors.predictor import require_robot
+    from koopman_lab.predictors.table import load_model, prediction
     from koopman_lab.studies import weights as studies
 
-    loaded = BilinearModel.load(model)
+    loaded = load_model(model)
     wanted = [f"controller.dt_s={loaded.dt_s}", *(overrides or ())]
-    lab = options.resolve(config, wanted, None if config else loaded.robot_kind)
-    loaded.require_robot(lab.robot.kind)
-    costs: list[CostName] = [choice.value for choice in cost or CostChoice]
-    grid = studies.settings(costs, options.parse_factors(factors))
+    lab = options.resolve(config, wanted, None if config else loaded.robot.name)
+    require_robot(loaded, lab.robot.kind)
+    grid = studies.settings(cost or COSTS.own_names(), options.parse_factors(factors))
     robot = robot_type(lab.robot.kind)
     x0 = robot.state(options.start_of(start, robot.runs.simulate_start))
     seconds = duration_s if duration_s is not None else robot.runs.simulate_s
     rows = []
     with progress("simulating") as report:
-        for row in studies.study(lab, KoopmanPrediction(loaded), x0, seconds, grid):
+        for row in studies.study(lab, prediction(loaded), x0, seconds, grid):
             rows.append(row)
             report(len(rows), len(grid), row.setting.cost)
     try:

@@ -72,14 +72,15 @@ def with_model(
     seed: int | None,
 ) -> tuple[LabConfig, bytes]:
     """Return the lab at the model's sampling time, and what the model's file holds."""
-    from koopman_lab.koopman.bilinear_model import BilinearModel
+    from koopman_lab.predictors.predictor import require_robot
+    from koopman_lab.predictors.table import load_model
 
-    loaded = BilinearModel.load(model)
+    loaded = load_model(model)
     wanted = [f"controller.dt_s={loaded.dt_s}", *(overrides or ())]
     lab = options.resolve(
-        config, wanted, kind or (None if config else loaded.robot_kind), seed=seed
+        config, wanted, kind or (None if config else loaded.robot.name), seed=seed
     )
-    loaded.require_robot(lab.robot.kind)
+    require_robot(loaded, lab.robot.kind)
     return lab, model.read_bytes()
 
 

@@ -12,14 +12,12 @@ from koopman_lab.errors import ModelError
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.mpc.costs import MixedExponents, QuadraticInObservables
-from koopman_lab.mpc.prediction import (
-    KoopmanPrediction,
-    LiftedPrediction,
-    NominalPrediction,
-    load_prediction,
-)
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.mpc.rollout import Rollout
+from koopman_lab.predictors.edmd import KoopmanPrediction
+from koopman_lab.predictors.lifted import LiftedPrediction
+from koopman_lab.predictors.nominal import NominalPrediction
+from koopman_lab.predictors.table import load_prediction
 from koopman_lab.robots.nominal_model import nominal_model
 
 CONTROLLER = load_config(robot="kinematic").controller

@@ -1,0 +1,1 @@
+"""What a controller can plan with, one file each."""
