@@ -8,7 +8,7 @@ from functools import partial
 from operator import attrgetter
 from typing import NamedTuple
 
-from koopman_lab.config.robot_side import Clock
+from koopman_lab.config.schema import ClockSync
 from koopman_lab.units import PPM, US_PER_S
 
 LONGEST_ROUND_TRIP_US = US_PER_S
@@ -58,7 +58,7 @@ class TimeSync:
         Window and largest drift.
     """
 
-    def __init__(self, settings: Clock) -> None:
+    def __init__(self, settings: ClockSync) -> None:
         self.drift = 0.0
         self.exchanges = 0
         self.restarts = 0

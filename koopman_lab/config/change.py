@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
-from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.values import Section
+
+S = TypeVar("S", bound=Section)
 
 
-def changed(config: LabConfig, section: str, **changes: Any) -> LabConfig:
+def changed(section_or_lab: S, section: str, **changes: Any) -> S:
     """Return the configuration with other values in one of its sections.
 
     The values are taken as they are: who changes them in code knows what is allowed.
 
     Parameters
     ----------
-    config
-        The lab.
+    section_or_lab
+        The lab, or one of its sections.
     section
-        Name of a section, such as ``controller``.
+        Name of a section in it, such as ``controller`` or ``simulation.plant``.
     changes
         Values by their keys in the section.
     """
-    other = getattr(config, section).model_copy(update=changes)
-    return config.model_copy(update={section: other})
+    first, _, rest = section.partition(".")
+    inner: Section = getattr(section_or_lab, first)
+    other = changed(inner, rest, **changes) if rest else inner.model_copy(update=changes)
+    return section_or_lab.model_copy(update={first: other})

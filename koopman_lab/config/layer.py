@@ -53,13 +53,23 @@ def read_layer(file: Path) -> Layer:
     ConfigError
         If there is no such file or it is not a YAML mapping.
     """
+    return parse_layer(read_text(file), str(file))
+
+
+def read_text(file: Path) -> str:
+    """Read the text of one file.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such file, or it is no text.
+    """
     try:
-        text = file.read_text(encoding="utf-8")
+        return file.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise ConfigError(f"{file}: no such configuration file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{file}: cannot be read as a configuration: {error}") from None
-    return parse_layer(text, str(file))
 
 
 def parse_layer(text: str, source: str) -> Layer:

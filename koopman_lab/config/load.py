@@ -1,7 +1,7 @@
 """From YAML files and ``--set`` overrides to a validated :class:`LabConfig`.
 
 Layers, later ones winning key by key: the defaults of all robots, those of the robot's kind, the
-plant preset, what the preset changes for the kind, the user's file, the overrides.
+preset, what the preset changes for the kind, the user's file, the overrides.
 """
 
 from __future__ import annotations
@@ -9,13 +9,23 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, get_args
 
 import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from koopman_lab.config.layer import Key, Layer, merge, override_layer, parse_layer, read_layer
+from koopman_lab.config.layer import (
+    Key,
+    Layer,
+    merge,
+    override_layer,
+    parse_layer,
+    read_layer,
+    read_text,
+)
+from koopman_lab.config.moved_keys import moved, translate
+from koopman_lab.config.presets import Preset
 from koopman_lab.config.robot_defaults import default_layer, robot_layer, robot_preset_layer
 from koopman_lab.config.robot_fit import RobotMisfitError
 from koopman_lab.config.schema import LabConfig
@@ -23,14 +33,12 @@ from koopman_lab.errors import ConfigError
 from koopman_lab.robots.robot_type import RobotType
 from koopman_lab.robots.table import DEFAULT_ROBOT, robot_type
 
-Preset = Literal["lab", "ideal", "harsh"]
-
 
 def load_config(
     file: Path | None = None,
     *,
     robot: str | None = None,
-    preset: Preset = "lab",
+    preset: str = Preset.lab,
     bus_url: str | None = None,
     overrides: Sequence[str] = (),
 ) -> LabConfig:
@@ -43,7 +51,7 @@ def load_config(
     robot
         The robot's kind; the file may say it instead (``robot.kind``).
     preset
-        Which plant stands in for hardware.
+        What is simulated, a :class:`~koopman_lab.config.presets.Preset`.
     bus_url
         In place of the default ``bus.url``; the file and the overrides stand above it.
     overrides
@@ -53,7 +61,7 @@ def load_config(
     ------
     ConfigError
         If something cannot be read or is not allowed; the message names file, line, key, what is
-        allowed and the nearest valid key.
+        allowed and the nearest valid key, or where a key of an older version is now.
     PluginError
         If the robot is another package's, and cannot be used.
     """
@@ -66,12 +74,14 @@ def load_config(
         raise ConfigError(f"{where}: robot.kind is {said}, but --robot says {robot}; drop one")
     kind = _known_robot(said, user) if said else robot_type(robot or DEFAULT_ROBOT)
     layers = [default_layer("base"), robot_layer(kind)]
-    if preset != "lab":
-        layers += [default_layer(preset), robot_preset_layer(kind, preset)]
+    if preset != Preset.lab:
+        name = Preset(preset).value
+        layers += [default_layer(name), robot_preset_layer(kind, name)]
     if bus_url:
         values = {"bus": {"url": bus_url}}
         layers.append(Layer("LCM_DEFAULT_URL", values, {("bus",): 0, ("bus", "url"): 0}))
     layers += user
+    _require_present_keys(layers)
     values = {}
     for layer in layers:
         values = merge(values, layer.values)
@@ -90,7 +100,8 @@ def dump_config(config: LabConfig) -> str:
 def parse_config(text: str, source: str) -> LabConfig:
     """Return a whole configuration from text that :func:`dump_config` wrote.
 
-    Keys that an older version did not have yet take their defaults.
+    Keys that an older version had elsewhere are understood; those that it did not have yet take
+    their defaults.
 
     Raises
     ------
@@ -101,7 +112,7 @@ def parse_config(text: str, source: str) -> LabConfig:
     """
     said = parse_layer(text, source)
     kind = _robot_kind([said])
-    values = said.values
+    values = translate(said.values)
     if kind is not None:
         for layer in (robot_layer(_known_robot(kind, [said])), default_layer("base")):
             values = merge(layer.values, values)
@@ -109,6 +120,30 @@ def parse_config(text: str, source: str) -> LabConfig:
         return LabConfig.model_validate(values)
     except ValidationError as error:
         raise ConfigError(_explain(error.errors(), [said])) from None
+
+
+def read_record(file: Path) -> LabConfig:
+    """Read the configuration that a run, perhaps of an older version, has left in its folder.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such file, or it holds none.
+    PluginError
+        If the robot is another package's, and cannot be used.
+    """
+    return parse_config(read_text(file), str(file))
+
+
+def _require_present_keys(layers: Sequence[Layer]) -> None:
+    """Refuse keys of older versions: who writes one must know what it means today."""
+    lines = [
+        f"{layer.locate(old)}: {'.'.join(old)}: is now {'.'.join(new)}"
+        for layer in layers
+        for old, new in moved(layer.values)
+    ]
+    if lines:
+        raise ConfigError("\n".join(lines))
 
 
 def _robot_kind(layers: Sequence[Layer]) -> str | None:
@@ -138,6 +173,13 @@ def _locate(key: Key, layers: Sequence[Layer]) -> str:
 
 def _explain(errors: Sequence[ErrorDetails], layers: Sequence[Layer]) -> str:
     lines = []
+    if any(error["type"] == "missing" and error["loc"][0] == "simulation" for error in errors):
+        # Of the presets one says nothing of it, which is the only way to a part of it.
+        lines.append(
+            f"{_locate(('simulation',), layers)}: simulation: set in part, but this preset "
+            f"simulates nothing; drop it, or take --preset {Preset.lab.value}"
+        )
+        errors = [error for error in errors if error["loc"][:1] != ("simulation",)]
     for error in errors:
         key = tuple(str(part) for part in error["loc"] if part != "[key]")
         misfit = error.get("ctx", {}).get("error")
@@ -174,5 +216,6 @@ def _nearest(key: Key) -> str | None:
 def _known_keys(model: type[BaseModel], above: Key) -> Iterator[Key]:
     for name, field in model.model_fields.items():
         yield (*above, name)
-        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            yield from _known_keys(field.annotation, (*above, name))
+        for section in (field.annotation, *get_args(field.annotation)):
+            if isinstance(section, type) and issubclass(section, BaseModel):
+                yield from _known_keys(section, (*above, name))

@@ -1,7 +1,7 @@
 """The configuration of a lab: frozen models that refuse unknown keys.
 
 What each value means, its unit and where it comes from is said in ``defaults/*.yaml``; this file
-says which values are allowed, and `robot_side` those of the sections beyond the radio.
+says which values are allowed, `motor_loop` and `simulation` those of their sections.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from koopman_lab.config.costs import COSTS, known_cost
+from koopman_lab.config.motor_loop import MotorLoop
 from koopman_lab.config.robot_fit import require_fit
-from koopman_lab.config.robot_side import Clock, Mocap, MotorLoop, PlannedFault, Plant, Radio
+from koopman_lab.config.simulation import Simulation
 from koopman_lab.config.values import (
     Input,
     InputBounds,
@@ -23,6 +24,7 @@ from koopman_lab.config.values import (
     Section,
     Triple,
 )
+from koopman_lab.errors import ConfigError
 from koopman_lab.robots.table import robot_type
 
 
@@ -41,6 +43,27 @@ class Bus(Section):
     url: str
     receive_buffer_bytes: Annotated[int, Field(ge=65536)]
     heartbeat_rate_hz: Positive
+
+
+class ClockSync(Section):
+    """How the board finds out what time it is at the desk."""
+
+    ping_rate_hz: Positive
+    window_s: Positive
+    largest_drift_ppm: NotNegative
+
+
+class Placement(Section):
+    """How exactly a hand places the robot: uniform within plus and minus these."""
+
+    position_m: NotNegative
+    angle_rad: NotNegative
+
+
+class Mocap(Section):
+    """The motion-capture cameras."""
+
+    rate_hz: Positive
 
 
 class StateSet(Section):
@@ -204,23 +227,47 @@ class Logger(Section):
 
 
 class LabConfig(Section):
-    """One lab."""
+    """One lab; with a real robot nothing is simulated, and ``simulation`` is None."""
 
     seed: Annotated[int, Field(ge=0)]
     robot: Robot
     bus: Bus
-    radio: Radio
-    clock: Clock
-    faults: tuple[PlannedFault, ...]
+    clock: ClockSync
     motor_loop: MotorLoop
-    plant: Plant
     mocap: Mocap
+    placement: Placement
+    simulation: Simulation | None
     logger: Logger
     sampler: Sampler
     reference: Reference
     processing: Processing
     model: Model
     controller: Controller
+
+    def require_simulation(self) -> Simulation:
+        """Return what is simulated, for whoever stands in for hardware.
+
+        Raises
+        ------
+        ConfigError
+            If nothing is.
+        """
+        if self.simulation is None:
+            raise ConfigError(
+                "simulation: null, so that no plant can stand in for the robot; start `klab run "
+                "onboard` and the robot's own driver first, or take --preset lab"
+            )
+        return self.simulation
+
+    @model_validator(mode="after")
+    def _drifts_as_the_board_expects(self) -> LabConfig:
+        largest_ppm, simulation = self.clock.largest_drift_ppm, self.simulation
+        if simulation is not None and abs(simulation.clock.drift_ppm) > largest_ppm:
+            raise ValueError(
+                f"simulation.clock.drift_ppm {simulation.clock.drift_ppm:g} is beyond "
+                f"clock.largest_drift_ppm {largest_ppm:g}, so that no error bound would hold"
+            )
+        return self
 
     @model_validator(mode="after")
     def _fits_the_robot(self) -> LabConfig:

@@ -12,6 +12,7 @@ from koopman_lab.bus.node import RawHandler, Tick
 from koopman_lab.bus.port import BasePort, Wrap
 from koopman_lab.bus.subscription import Deliver
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.simulation import Simulation
 from koopman_lab.emulation.drifting_clock import DriftingClock
 from koopman_lab.emulation.faults import Faults, fault_of
 from koopman_lab.emulation.radio import radio_pair
@@ -27,17 +28,19 @@ class EmulatedBoard:
     ----------
     port
         Of the bus.
-    config
-        The lab; radio, clock and planned faults begin now.
+    simulation
+        How good radio and clock are, and what goes wrong by itself, counted from now.
+    seed
+        Decides, with the robot's name, the radio's luck.
     """
 
-    def __init__(self, port: BasePort, config: LabConfig) -> None:
+    def __init__(self, port: BasePort, simulation: Simulation, seed: int) -> None:
         self.robot_name, self.process, self.virtual = port.robot_name, port.process, port.virtual
         self.lost_messages, self.finish = port.lost_messages, port.finish
         self._port = port
-        self._faults = Faults(config.faults, port.bus_us())
-        self._radio = radio_pair(config)
-        self._clock = DriftingClock(config.clock, port.bus_us(), self._faults)
+        self._faults = Faults(simulation.faults, port.bus_us())
+        self._radio = radio_pair(simulation.radio, seed, port.robot_name)
+        self._clock = DriftingClock(simulation.clock, port.bus_us(), self._faults)
         port.subscribe(FAULT, self._on_fault)
 
     def now_us(self) -> int:
@@ -109,6 +112,7 @@ class EmulatedBoard:
             self._faults.inject(fault, self._port.bus_us())
 
 
-def emulated_board(config: LabConfig) -> Wrap:
-    """Return what wraps a port into that of a simulated board."""
-    return lambda port: EmulatedBoard(port, config)
+def emulated_board(config: LabConfig) -> Wrap | None:
+    """Return what wraps a port into that of a simulated board; None where nothing is simulated."""
+    simulation, seed = config.simulation, config.seed
+    return None if simulation is None else lambda port: EmulatedBoard(port, simulation, seed)

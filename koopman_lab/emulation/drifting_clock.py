@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from koopman_lab.config.robot_side import Clock
+from koopman_lab.config.simulation import BoardClock
 from koopman_lab.emulation.faults import Faults
 from koopman_lab.units import PPM, US_PER_S
 
@@ -20,7 +20,7 @@ class DriftingClock:
         What goes wrong with the board.
     """
 
-    def __init__(self, settings: Clock, start_us: int, faults: Faults) -> None:
+    def __init__(self, settings: BoardClock, start_us: int, faults: Faults) -> None:
         self._offset_us = round(settings.offset_s * US_PER_S)
         self._drift = settings.drift_ppm * PPM
         self._start_us = start_us

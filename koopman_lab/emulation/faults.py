@@ -9,7 +9,7 @@ from typing import NamedTuple, get_args
 from pydantic import ValidationError
 
 import lcmtypes
-from koopman_lab.config.robot_side import FAULT_DETAILS, Fault, FaultKind, PlannedFault
+from koopman_lab.config.simulation import FAULT_DETAILS, Fault, FaultKind, PlannedFault
 from koopman_lab.units import US_PER_S
 
 KINDS: tuple[FaultKind, ...] = get_args(FaultKind)

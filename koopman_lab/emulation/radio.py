@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from koopman_lab.config.robot_side import RadioLink
-from koopman_lab.config.schema import LabConfig
+from koopman_lab.config import simulation
 from koopman_lab.units import US_PER_S
 
 SEED_STREAM = 3
@@ -29,7 +28,7 @@ class Radio:
         Decides for each message.
     """
 
-    def __init__(self, link: RadioLink, rng: np.random.Generator) -> None:
+    def __init__(self, link: simulation.RadioLink, rng: np.random.Generator) -> None:
         self._delay_s, self._jitter_s = link.delay_s, link.jitter_s
         self._loss, self._duplication = link.loss, link.duplication
         self._reordering, self._held_back_us = link.reordering, round(link.held_back_s * US_PER_S)
@@ -81,11 +80,9 @@ class RadioPair(NamedTuple):
     from_robot: Radio
 
 
-def radio_pair(config: LabConfig) -> RadioPair:
+def radio_pair(links: simulation.Radio, seed: int, robot_name: str) -> RadioPair:
     """Return the radio of one robot; robots that share a bus do not share their luck."""
-    robot = zlib.crc32(config.robot.name.encode())
-    seeds = np.random.SeedSequence([config.seed, SEED_STREAM, robot]).spawn(2)
+    robot = zlib.crc32(robot_name.encode())
+    seeds = np.random.SeedSequence([seed, SEED_STREAM, robot]).spawn(2)
     to_robot, from_robot = map(np.random.default_rng, seeds)
-    return RadioPair(
-        Radio(config.radio.to_robot, to_robot), Radio(config.radio.from_robot, from_robot)
-    )
+    return RadioPair(Radio(links.to_robot, to_robot), Radio(links.from_robot, from_robot))

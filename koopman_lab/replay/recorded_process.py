@@ -29,10 +29,13 @@ class RecordedProcess(NamedTuple):
         When its timers started (us).
     process
         Its number, 0 in lockstep.
+    simulated
+        Whether a plant stood in for the robot.
     """
 
     start_us: int
     process: int
+    simulated: bool
 
     @property
     def virtual(self) -> bool:
@@ -73,6 +76,8 @@ def recorded_process(node_name: str, config: LabConfig, events: Sequence[Event])
             f"{name}: {node_name} was started {starts} times in this log, as in a session that was "
             "resumed; only a log of one start can be run again"
         )
+    # Whoever commands a real robot may have a configuration in which something is simulated.
+    simulated = config.simulation is not None and bool(_heartbeats("plant", config, events))
     arrived_us, first = beats[0]
     age_us = round(first.sequence / config.bus.heartbeat_rate_hz * US_PER_S)
     if first.pid == 0:
@@ -81,15 +86,16 @@ def recorded_process(node_name: str, config: LabConfig, events: Sequence[Event])
                 f"{name}: this log was recorded from a replay, and its times of arrival are not "
                 "those of the session; give the session's own log"
             )
-        return RecordedProcess(0, 0)
+        return RecordedProcess(0, 0, simulated)
     start_us = first.utime - age_us
-    if node_name == ABOARD:
-        start_us -= round(config.clock.offset_s * US_PER_S + age_us * config.clock.drift_ppm * PPM)
+    if node_name == ABOARD and simulated:
+        clock = config.require_simulation().clock
+        start_us -= round(clock.offset_s * US_PER_S + age_us * clock.drift_ppm * PPM)
     late_us = events[0].timestamp_us - start_us
     if late_us > LATEST_START_S * US_PER_S:
         # Ticks keep their places; what happened before the log nobody knows.
         start_us += late_us // US_PER_S * US_PER_S
-    return RecordedProcess(start_us, first.pid)
+    return RecordedProcess(start_us, first.pid, simulated)
 
 
 def _require_steady_times(events: Sequence[Event]) -> None:

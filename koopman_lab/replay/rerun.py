@@ -135,7 +135,7 @@ def rerun(
     collector = _Collector(mine)
     lab = Lockstep(config, process.start_us, process.process)
     here = place_of(node.name)
-    board = emulated_board(config) if node.name == ABOARD else None
+    board = emulated_board(config) if node.name == ABOARD and process.simulated else None
     for place in range(len(PLACES)):
         if place == here:
             lab.add(node, board)

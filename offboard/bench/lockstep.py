@@ -20,7 +20,7 @@ CHUNK_S = 1.0
 WARM_UP_S = 2.0
 PARTS = {
     "onboard/plant/cameras": "cameras",
-    "onboard/plant/node": "plant node",
+    "onboard/plant/robot": "plant node",
     "onboard/plant": "motors, body, encoders",
     "onboard/motor_loop": "motor loop",
     "koopman_lab/bus": "runner",

@@ -90,6 +90,7 @@ def parks(
     kind = None if config else loaded.robot.name
     lab = options.resolve(config, overrides, kind, preset, seed)
     require_robot(loaded, lab.robot.kind)
+    lab.require_simulation()
     offset_free = lab.controller.offset_free.model_copy(update={"enabled": True})
     corrected = changed(lab, "controller", offset_free=offset_free)
     koopman = prediction(loaded)
@@ -152,7 +153,7 @@ def park_once(
     from offboard.lab import nodes
     from offboard.logger.node import LoggerNode
 
-    placed = changed(config, "plant", initial_pose=tuple(start))
+    placed = changed(config, "simulation.plant", initial_pose=tuple(start))
     node = ControllerNode(placed, prediction, solver=solver)
     lab, witness = Lockstep(placed), Witness()
     with tempfile.TemporaryDirectory() as folder:

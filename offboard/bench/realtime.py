@@ -52,11 +52,14 @@ def measure(
 
     Raises
     ------
+    ConfigError
+        If nothing is simulated.
     LabStateError
         If a process dies or the robot is not driven.
     """
     from offboard.lab.supervisor import supervised
 
+    config.require_simulation()
     files = {name: folder.path / f"{name}-ticks.npy" for name in WORDS}
     with supervised(config, folder, listener) as lab:
         lab.start("logger", "--folder", folder.path)

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
     from offboard.bench.view_load import Load
 
-NO_RADIO_LOSS = ("radio.to_robot.loss=0.0", "radio.from_robot.loss=0.0")
+NO_RADIO_LOSS = (
+    "simulation.radio.to_robot.loss=0.0",
+    "simulation.radio.from_robot.loss=0.0",
+)
 """So that every message that is missing was lost on this machine."""
 
 

@@ -16,6 +16,7 @@ from offboard.commands.view import HOST, PORT, Host, Port, listen, serve, token_
 from offboard.terminal import options
 from offboard.terminal.choices import Commands
 from offboard.terminal.needs import needs
+from offboard.terminal.output import err
 
 if TYPE_CHECKING:
     from koopman_lab.bus.node import Node
@@ -55,6 +56,9 @@ def plant(
     seed: options.Seed = None,
     robot_name: options.RobotsName = None,
     url: options.Url = None,
+    without_cameras: Annotated[
+        bool, typer.Option("--without-cameras", help="Leave MOCAP_POSE to somebody else.")
+    ] = False,
     lifeline_fd: options.Lifeline = None,
 ) -> None:
     """Stand in for hardware: motors, body, encoders, cameras.
@@ -64,7 +68,7 @@ def plant(
     from koopman_lab.bus.realtime import run_node
 
     lab = options.resolve(config, overrides, robot, preset, seed, url, robot_name=robot_name)
-    run_node(build("plant", lab), lab, lifeline_fd=lifeline_fd)
+    run_node(build("plant", lab, cameras=not without_cameras), lab, lifeline_fd=lifeline_fd)
 
 
 @_runs
@@ -72,7 +76,7 @@ def onboard(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
     robot: options.Robot = None,
-    preset: options.Preset = options.PresetName.lab,
+    preset: options.Preset = options.PresetName.real,
     robot_name: options.RobotsName = None,
     url: options.Url = None,
     tick_times: TickTimesFile = None,
@@ -80,12 +84,24 @@ def onboard(
 ) -> None:
     """Run the motor loop, on the robot's board.
 
-    Example: klab run onboard --robot dynamic --set motor_loop.watchdog_s=0.2
+    Unless told otherwise it is that of a real robot: nothing is simulated, and limits are cautious.
+    Beside `klab run plant` it takes the same --preset as that, lab by default there.
+
+    Example: klab run onboard --robot dynamic --preset lab --set motor_loop.watchdog_s=0.2
     """
     from koopman_lab.emulation.board import emulated_board
 
     lab = options.resolve(config, overrides, robot, preset, url=url, robot_name=robot_name)
+    source = f"preset {preset.value}" if config is None else f"preset {preset.value} and {config}"
+    # A lab's file says all that the preset does.
+    err.print(_said(lab, source if lifeline_fd is None else str(config)), markup=False)
     _run_timed(build("onboard", lab), lab, tick_times, lifeline_fd, emulated_board(lab))
+
+
+def _said(lab: LabConfig, source: str) -> str:
+    """Return in words whose motor loop this is, by what, and whether anything is simulated."""
+    simulated = "nothing is" if lab.simulation is None else "radio, clock and faults are"
+    return f"{lab.robot.name} ({lab.robot.kind}), {source}: {simulated} simulated"
 
 
 @_runs
@@ -170,6 +186,7 @@ def sampler(
     overrides: options.Overrides = None,
     robot: options.Robot = None,
     seed: options.Seed = None,
+    preset: options.Preset = options.PresetName.lab,
     robot_name: options.RobotsName = None,
     url: options.Url = None,
     resume: Annotated[
@@ -187,7 +204,9 @@ def sampler(
     from offboard.lab.run_folder import RunFolder
     from offboard.lab.session import run_process
 
-    lab = options.resolve(config, overrides, robot, seed=seed, url=url, robot_name=robot_name)
+    lab = options.resolve(
+        config, overrides, robot, preset, seed=seed, url=url, robot_name=robot_name
+    )
     session = Calibration(RunFolder(resume) if resume is not None else None)
     run_process(session, lab, result, lifeline_fd)
 
@@ -198,6 +217,7 @@ def reference(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
     robot: options.Robot = None,
+    preset: options.Preset = options.PresetName.lab,
     robot_name: options.RobotsName = None,
     url: options.Url = None,
     result: ResultFile = None,
@@ -211,7 +231,7 @@ def reference(
     from offboard.lab.session import run_process
     from offboard.reference.shapes import Shape
 
-    lab = options.resolve(config, overrides, robot, url=url, robot_name=robot_name)
+    lab = options.resolve(config, overrides, robot, preset, url=url, robot_name=robot_name)
     run_process(ReferenceRuns(Shape[shape.value.upper()]), lab, result, lifeline_fd)
 
 
@@ -223,6 +243,7 @@ def controller(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
     robot: options.Robot = None,
+    preset: options.Preset = options.PresetName.lab,
     robot_name: options.RobotsName = None,
     url: options.Url = None,
     result: ResultFile = None,
@@ -235,7 +256,7 @@ def controller(
     from offboard.lab.parking import Parking
     from offboard.lab.session import run_process
 
-    lab = options.resolve(config, overrides, robot, url=url, robot_name=robot_name)
+    lab = options.resolve(config, overrides, robot, preset, url=url, robot_name=robot_name)
     run_process(Parking(model, options.pose_of(goal)), lab, result, lifeline_fd)
 
 

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from koopman_lab.config.change import changed
+from koopman_lab.config.load import read_record
 from koopman_lab.errors import ConfigError
 from offboard.desk.results import CalibrationSummary
 from offboard.lab.run_folder import RunFolder, new_folder
@@ -54,8 +56,12 @@ def calibrate(
             )
         folder = RunFolder(resume)
         session = calibration.Calibration(resumed=folder)
-        lab = options.resolve(folder.config, None, None, url=url)
+        lab = read_record(folder.config)
+        if url is not None:
+            lab = changed(lab, "bus", url=url)
         listener = session_listener(lab, lockstep=lockstep)
+        # Its processes read it there, in the keys of this version and with this bus.
+        folder.write_config(lab)
         if session.before is not None and session.before.skipped_bytes:
             skipped = session.before.skipped_bytes
             err.print(f"{skipped} damaged bytes at the end of the log passed over")

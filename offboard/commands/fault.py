@@ -12,7 +12,7 @@ from offboard.terminal import options
 from offboard.terminal.output import err
 
 if TYPE_CHECKING:
-    from koopman_lab.config.robot_side import Fault
+    from koopman_lab.config.simulation import Fault
 
 TRIES = 100
 WAIT_S = 0.02
@@ -97,7 +97,7 @@ def fault(
 def _fault(kind: FaultName, duration_s: float, **details: Any) -> Fault:
     from pydantic import ValidationError
 
-    from koopman_lab.config.robot_side import Fault
+    from koopman_lab.config.simulation import Fault
     from koopman_lab.errors import ConfigError
 
     given = {"kind": kind.name, "duration_s": None if math.isinf(duration_s) else duration_s}

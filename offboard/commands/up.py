@@ -68,6 +68,7 @@ def up(
 
     lab_config = options.resolve(config, overrides, robot, preset, seed, url, robot_name=robot_name)
     robot_type(lab_config.robot.kind).on_two_wheels()
+    lab_config.require_simulation()
     # Before anything is started: a package that does not fit is one message.
     for name in more or ():
         missing = set(PROCESSES.get(name).needs) - {*STANDING, *(more or ())}

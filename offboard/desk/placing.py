@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import lcmtypes
-from koopman_lab.config.robot_side import Placement
+from koopman_lab.config.schema import Placement
 from koopman_lab.geometry.planar import Pose, relative_to
 
 NOISE_M, NOISE_RAD = 0.005, 0.02

@@ -55,4 +55,4 @@ def place(listener: Listener, config: LabConfig, start: Pose, *, by_hand: bool) 
 
 def _shows(frame: lcmtypes.mocap_pose_t, start: Pose, config: LabConfig) -> bool:
     pose = Pose(frame.x1_m, frame.x2_m, frame.theta_rad)
-    return frame.tracking_valid and stands(pose, start, config.plant.placement)
+    return frame.tracking_valid and stands(pose, start, config.placement)

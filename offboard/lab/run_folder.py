@@ -41,6 +41,22 @@ class RunFolder:
         """Return where a process writes what it has to say."""
         return self.path / "processes" / f"{name}.log"
 
+    def write_config(self, config: LabConfig) -> None:
+        """Write the configuration as it is used.
+
+        Raises
+        ------
+        LabStateError
+            If it cannot be written.
+        """
+        try:
+            write_text(self.config, dump_config(config))
+        except OSError as error:
+            raise LabStateError(
+                f"{self.path}: cannot be written ({error.strerror}); choose another folder with "
+                "--out, or make room on the disk"
+            ) from None
+
     def write_summary(self, config: LabConfig, facts: dict[str, Any]) -> None:
         """Write ``summary.json``: the facts, and what the run was made with.
 
@@ -80,12 +96,7 @@ def new_folder(out: Path | None, what: str, config: LabConfig) -> RunFolder:
     folder = RunFolder(run_path(out, what))
     if folder.log.exists() or folder.summary.exists():
         raise LabStateError(f"{folder.path}: holds a run already; choose another folder with --out")
-    try:
-        write_text(folder.config, dump_config(config))
-    except OSError as error:
-        raise LabStateError(
-            f"{folder.path}: cannot be written ({error.strerror}); choose another folder with --out"
-        ) from None
+    folder.write_config(config)
     return folder
 
 

@@ -135,6 +135,8 @@ def session_listener(config: LabConfig, *, lockstep: bool) -> Listener | None:
     ------
     BusError
         If the bus cannot be opened.
+    ConfigError
+        If all is to be simulated, and nothing is.
     LabStateError
         If somebody drives the robot already, or our motor loop would have to and cannot.
     """
@@ -143,6 +145,7 @@ def session_listener(config: LabConfig, *, lockstep: bool) -> Listener | None:
     robot = robot_type(config.robot.kind)
     if lockstep:
         robot.on_two_wheels()
+        config.require_simulation()
         return None
     listener = Listener(config)
     statuses: list[lcmtypes.onboard_status_t] = []

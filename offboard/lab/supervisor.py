@@ -78,7 +78,7 @@ class Supervisor:
     """
 
     def __init__(self, config: LabConfig, folder: RunFolder, listener: Listener) -> None:
-        self._config = config
+        self.config = config
         self._folder = folder
         self._listener = listener
         self._children: dict[str, subprocess.Popen[bytes]] = {}
@@ -141,7 +141,7 @@ class Supervisor:
             if time.monotonic() > end_s:
                 silent = [n for n in names if n not in self._heard_us]
                 raise LabStateError(
-                    f"{', '.join(silent)}: started, but not heard on {self._config.bus.url} within "
+                    f"{', '.join(silent)}: started, but not heard on {self.config.bus.url} within "
                     f"{READY_LIMIT_S:g} s; `klab doctor` looks at the bus"
                 )
             self._listener.spin(0.1)
@@ -218,7 +218,7 @@ class Supervisor:
         self._ended.setdefault(name, (state, how))
 
     def _period_us(self) -> int:
-        return round(US_PER_S / self._config.bus.heartbeat_rate_hz)
+        return round(US_PER_S / self.config.bus.heartbeat_rate_hz)
 
     def _announce(self, times: int = 1) -> None:
         """Say on the bus what is known of each child."""
@@ -269,10 +269,14 @@ def start_missing(
 
     Raises
     ------
+    ConfigError
+        If a plant would be needed, and nothing is simulated.
     LabStateError
         If one does not start.
     """
     names = ["logger"] if "onboard" in there else ["logger", "plant", "onboard"]
+    if "plant" in names:
+        supervisor.config.require_simulation()
     supervisor.start("logger", "--folder", folder.path, *(["--resume"] if resume else []))
     for name in names[1:]:
         supervisor.start(name)

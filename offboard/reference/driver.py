@@ -92,7 +92,7 @@ class Driver:
         self.done = 0
         self.begun = 0
         self.repeated: Counter[str] = Counter()
-        self._accuracy = config.plant.placement
+        self._accuracy = config.placement
         self._settle_us = round(config.reference.settle_s * US_PER_S)
         self._since_us = 0
         self._asked_us: int | None = None

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from koopman_lab.config import presets
 from koopman_lab.config.costs import COSTS
 from koopman_lab.config.load import load_config
 from koopman_lab.config.schema import LabConfig
@@ -23,14 +24,6 @@ if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
 
 
-class PresetName(str, Enum):
-    """Choices of ``--preset``."""
-
-    lab = "lab"
-    ideal = "ideal"
-    harsh = "harsh"
-
-
 class ShapeName(str, Enum):
     """Choices of ``--shape``."""
 
@@ -38,6 +31,7 @@ class ShapeName(str, Enum):
     square = "square"
 
 
+PresetName = presets.Preset
 ConfigFile = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="YAML file with any part of the configuration."),
@@ -60,7 +54,14 @@ RobotsName = Annotated[
         help="Prefix of its channels (R1); robots with different names share a bus.",
     ),
 ]
-Preset = Annotated[PresetName, typer.Option("--preset", help="Which plant stands in for hardware.")]
+Preset = Annotated[
+    PresetName,
+    typer.Option(
+        "--preset",
+        help="What is simulated: real: nothing; lab: a robot a little off; harsh: three times as "
+        "far off; ideal: the paper's equations.",
+    ),
+]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of draws and noise.")]
 Url = Annotated[
     str | None, typer.Option("--url", help="LCM bus; default: LCM_DEFAULT_URL, then bus.url.")
@@ -146,7 +147,7 @@ def resolve(
     return load_config(
         config,
         robot=robot,
-        preset=preset.value,
+        preset=preset,
         bus_url=os.environ.get("LCM_DEFAULT_URL"),
         overrides=wanted,
     )

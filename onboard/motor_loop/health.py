@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import IntEnum
 
-from koopman_lab.config import robot_side
+from koopman_lab.config import motor_loop
 from koopman_lab.units import US_PER_S
 
 LEFT, RIGHT = 0, 1
@@ -35,7 +35,7 @@ class Health:
     encoder the speed controller sees no speed and drives ever harder.
     """
 
-    def __init__(self, settings: robot_side.Health) -> None:
+    def __init__(self, settings: motor_loop.Health) -> None:
         self._timeout_us = settings.encoder_timeout_s * US_PER_S
         self._battery_low_v = settings.battery_low_v
         self._battery_us = settings.battery_s * US_PER_S

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from koopman_lab.config import robot_side
+from koopman_lab.config import motor_loop
 
 
 class WheelController:
@@ -15,7 +15,7 @@ class WheelController:
     Anti-windup: the integral stands still while the output is limited in its direction.
     """
 
-    def __init__(self, settings: robot_side.Pid) -> None:
+    def __init__(self, settings: motor_loop.Pid) -> None:
         self._full_speed = settings.feed_forward_full_duty_rad_per_s
         self._lag_s = settings.feed_forward_lag_s
         self._friction_duty = settings.friction_duty

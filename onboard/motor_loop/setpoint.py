@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from koopman_lab.config.robot_side import VelocityLimits
+from koopman_lab.config.motor_loop import VelocityLimits
 from koopman_lab.geometry.planar import REST, Velocity
 from koopman_lab.robots.body_drive import BodyDrive
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from koopman_lab.config import robot_side
+from koopman_lab.config import simulation
 
 SECONDS_PER_HOUR = 3600.0
 
@@ -18,7 +18,7 @@ class Battery:
         Of one motor; both hang on the battery through their drivers.
     """
 
-    def __init__(self, battery: robot_side.Battery, motor_resistance_ohm: float) -> None:
+    def __init__(self, battery: simulation.Battery, motor_resistance_ohm: float) -> None:
         self.state_of_charge = battery.state_of_charge
         self._empty_v = battery.empty_v
         self._span_v = battery.full_v - battery.empty_v

@@ -38,14 +38,15 @@ class Drivetrain:
     """
 
     def __init__(self, config: LabConfig) -> None:
-        motor, body, robot = config.plant.motor, config.plant.body, config.robot
+        simulated, robot = config.require_simulation().plant, config.robot
+        motor, body = simulated.motor, simulated.body
         left_m = robot.wheel_radius_m * body.wheel_radius_factor[0]
         right_m = robot.wheel_radius_m * body.wheel_radius_factor[1]
         track_m = robot.track_width_m * body.track_width_factor
         self.left_rad_per_s = 0.0
         self.right_rad_per_s = 0.0
         self.until_kink_us: int | None = None
-        self._battery = Battery(config.plant.battery, motor.resistance_ohm)
+        self._battery = Battery(simulated.battery, motor.resistance_ohm)
         self._back_emf = motor.gear_ratio * motor.torque_constant_n_m_per_a
         self._torque_per_v = self._back_emf / motor.resistance_ohm
         self._resistance_ohm = motor.resistance_ohm

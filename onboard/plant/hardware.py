@@ -23,12 +23,13 @@ class Hardware:
     """
 
     def __init__(self, config: LabConfig, plant: Plant, start_us: int) -> None:
-        self.faults = Faults(config.faults, start_us)
+        simulation = config.require_simulation()
+        self.faults = Faults(simulation.faults, start_us)
         self.effects = NO_EFFECTS
         """What is wrong at the time to which the plant was last advanced."""
         self._plant = plant
         self._counters = Counters()
-        self._driver = Driver(config.plant.motor.command_timeout_s)
+        self._driver = Driver(simulation.plant.motor.command_timeout_s)
 
     def drive(self, left_duty: float, right_duty: float, now_us: int) -> None:
         """Apply motor duties from now on."""

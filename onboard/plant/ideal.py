@@ -16,7 +16,8 @@ class IdealDrives:
     """
 
     def __init__(self, config: LabConfig) -> None:
-        battery = config.plant.battery
+        simulated = config.require_simulation().plant
+        battery = simulated.battery
         self.left_rad_per_s = 0.0
         self.right_rad_per_s = 0.0
         self.until_kink_us: int | None = None
@@ -25,9 +26,9 @@ class IdealDrives:
         )
         self._held_v: float | None = None
         self._full_speed = config.motor_loop.pid.feed_forward_full_duty_rad_per_s
-        self._gain = config.plant.motor.gain
+        self._gain = simulated.motor.gain
         self._gain_left, self._gain_right = self._gain
-        self._linear = config.plant.motor.drive == "linear"
+        self._linear = simulated.motor.drive == "linear"
         self._tick_us = round(US_PER_S / config.motor_loop.rate_hz)
         self._targets = (0.0, 0.0)
 

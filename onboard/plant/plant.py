@@ -52,9 +52,9 @@ class Plant:
     """A differential-drive robot on the floor.
 
     The wheels roll with the *true* radii and track width, which differ from what the software
-    believes (``config.plant.body``). Sideways the tyres give way: the body drifts outward by a
-    slip angle proportional to the centripetal acceleration, as a tyre's lateral force grows with
-    its slip angle. Times are int64 microseconds; the plant never runs backwards.
+    believes (``config.simulation.plant.body``). Sideways the tyres give way: the body drifts
+    outward by a slip angle proportional to the centripetal acceleration, as a tyre's lateral force
+    grows with its slip angle. Times are int64 microseconds; the plant never runs backwards.
 
     Parameters
     ----------
@@ -65,23 +65,24 @@ class Plant:
     """
 
     def __init__(self, config: LabConfig, rng: np.random.Generator) -> None:
-        robot, body = config.robot, config.plant.body
+        robot, simulated = config.robot, config.require_simulation().plant
+        body = simulated.body
         left_factor, right_factor = body.wheel_radius_factor
         left_m, right_m = robot.wheel_radius_m * left_factor, robot.wheel_radius_m * right_factor
         track_m = robot.track_width_m * body.track_width_factor
         self.time_us: int | None = None
-        self.coordinates: PlainPose = config.plant.initial_pose
+        self.coordinates: PlainPose = simulated.initial_pose
         """True pose."""
         self.drives: Drives = (
-            Drivetrain(config) if config.plant.motor.drive == "dc" else IdealDrives(config)
+            Drivetrain(config) if simulated.motor.drive == "dc" else IdealDrives(config)
         )
         self._left_rad = 0.0
         self._right_rad = 0.0
         self._rolling = (0.5 * left_m, 0.5 * right_m, left_m / track_m, right_m / track_m)
         self._slip = body.slip_angle_rad_s2_per_m
         self._counts_per_rad = config.motor_loop.encoder_counts_per_rev / (2.0 * math.pi)
-        self._largest_step_us = max(1, round(config.plant.largest_step_s * US_PER_S))
-        self._placement = config.plant.placement
+        self._largest_step_us = max(1, round(simulated.largest_step_s * US_PER_S))
+        self._placement = config.placement
         self._rng = rng
 
     @property
@@ -100,7 +101,7 @@ class Plant:
         self.drives.drive(left_duty, right_duty)
 
     def place(self, pose: Pose) -> None:
-        """Place the robot by hand: at rest, within the accuracy of ``config.plant.placement``."""
+        """Place the robot by hand: at rest, within the accuracy of ``config.placement``."""
         spread, turn = self._placement.position_m, self._placement.angle_rad
         e1, e2, e3 = self._rng.uniform(-1.0, 1.0, 3).tolist()
         self.coordinates = (

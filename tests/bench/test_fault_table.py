@@ -9,7 +9,7 @@ from klab import klab, klab_json, klab_ok
 from rich.console import Console
 
 from koopman_lab.config.load import load_config
-from koopman_lab.config.robot_side import Fault, FaultKind
+from koopman_lab.config.simulation import Fault, FaultKind
 from koopman_lab.robots.table import ROBOTS
 from offboard.bench.faults.scenarios import SCENARIOS, Scenario
 from offboard.bench.faults.strikes import Inject
@@ -99,7 +99,7 @@ def test_the_table_cuts_no_word_off_in_a_narrow_terminal():
 
 def test_planned_faults_strike_without_a_message(tmp_path):
     """In lockstep too, a session that cannot go on ends and says why."""
-    planned = "faults=[{kind: motor_stalled, wheel: right, at_s: 3}]"
+    planned = "simulation.faults=[{kind: motor_stalled, wheel: right, at_s: 3}]"
     done = klab("calibrate", "--lockstep", "--set", planned, "--out", tmp_path / "session")
     assert done.returncode == 2
     assert "the robot is stopped (right wheel stuck)" in done.stderr

@@ -13,7 +13,7 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config
-from koopman_lab.config.robot_side import Fault
+from koopman_lab.config.simulation import Fault
 from koopman_lab.emulation.faults import fault_message
 from koopman_lab.eventlog.eventlog import read_events
 from koopman_lab.geometry.planar import Pose
@@ -57,7 +57,7 @@ def replay(lab, speed=1):
 @pytest.mark.parametrize("speed", [1, 3])
 def test_a_session_replayed_onto_a_live_robot_does_not_move_it(board, offset_s, speed):
     """Commands are stale, and both ends of the wire know whom they follow."""
-    lab, plant, onboard = robot(board, f"clock.offset_s={offset_s}")
+    lab, plant, onboard = robot(board, f"simulation.clock.offset_s={offset_s}")
     lab.run(1.0)
     where = plant.plant.pose
     commands = replay(lab, speed)

@@ -126,7 +126,11 @@ def listen(config, joined_s):
 
 
 def test_who_joins_later_hears_from_then_on_what_others_would_have_heard():
-    bad = ["radio.from_robot.loss=0.3", "clock.offset_s=0", "clock.drift_ppm=0"]
+    bad = [
+        "simulation.radio.from_robot.loss=0.3",
+        "simulation.clock.offset_s=0",
+        "simulation.clock.drift_ppm=0",
+    ]
     config = load_config(preset="lab", overrides=bad)
     first, late = (listen(config, joined_s) for joined_s in (0.0, 0.195))
     assert late.heard == [message for message in first.heard if utime(*message) > 195_000]

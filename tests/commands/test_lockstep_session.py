@@ -77,7 +77,10 @@ def test_training_reports_samples_rank_and_condition(session, tmp_path):
 
 def test_the_markers_are_found_where_they_are_and_the_model_is_of_the_robot(session, model):
     config = load_config(session / "config.yaml")
-    (ahead, left, turn), body = config.mocap.marker_offset, config.plant.body
+    (ahead, left, turn), body = (
+        config.simulation.cameras.marker_offset,
+        config.simulation.plant.body,
+    )
     left_wheel, right_wheel = body.wheel_radius_factor
     # The point that stands still lies to the right of the axle's middle: koopman_lab.data.marker.
     aside = 0.5 * config.robot.track_width_m * body.track_width_factor

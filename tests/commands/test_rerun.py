@@ -59,13 +59,28 @@ def test_the_reference_is_small():
 
 
 BAD_RADIO = [
-    *("--set", "radio.to_robot.loss=0.05", "--set", "radio.to_robot.duplication=0.05"),
-    *("--set", "radio.from_robot.reordering=0.05", "--set", "radio.from_robot.duplication=0.05"),
-    *("--set", "radio.to_robot.burst_rate_hz=0.1", "--set", "clock.offset_s=-30"),
+    *(
+        "--set",
+        "simulation.radio.to_robot.loss=0.05",
+        "--set",
+        "simulation.radio.to_robot.duplication=0.05",
+    ),
+    *(
+        "--set",
+        "simulation.radio.from_robot.reordering=0.05",
+        "--set",
+        "simulation.radio.from_robot.duplication=0.05",
+    ),
+    *(
+        "--set",
+        "simulation.radio.to_robot.burst_rate_hz=0.1",
+        "--set",
+        "simulation.clock.offset_s=-30",
+    ),
 ]
 FAULTS = (
     "--set",
-    "faults=[{kind: burst_loss, at_s: 2.0, duration_s: 0.5},"
+    "simulation.faults=[{kind: burst_loss, at_s: 2.0, duration_s: 0.5},"
     " {kind: clock_jump, at_s: 4.0, duration_s: 1.0}]",
 )
 CONDITIONS = {

@@ -6,11 +6,12 @@ import pytest
 import yaml
 
 from koopman_lab.config.load import dump_config, load_config, parse_config
+from koopman_lab.config.presets import Preset
 from koopman_lab.errors import ConfigError
 
 
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
-@pytest.mark.parametrize("preset", ["lab", "ideal", "harsh"])
+@pytest.mark.parametrize("preset", list(Preset))
 def test_a_dumped_configuration_reads_back_unchanged(robot, preset):
     config = load_config(robot=robot, preset=preset)
     assert parse_config(dump_config(config), "dump") == config
@@ -21,13 +22,13 @@ def test_harsh_is_three_times_as_far_from_ideal_as_the_lab():
     exact = {"viscous_friction_n_m_s_per_rad": 0.0, "coulomb_friction_n_m": 0.0}
     exact |= {"breakaway_friction_n_m": 0.0, "resistance_ohm": 0.0, "centre_of_mass_ahead_m": 0.0}
     for part, names in {
-        "plant.motor": ("gain", *list(exact)[:3]),
-        "plant.battery": ("resistance_ohm",),
-        "plant.body": (
+        "simulation.plant.motor": ("gain", *list(exact)[:3]),
+        "simulation.plant.battery": ("resistance_ohm",),
+        "simulation.plant.body": (
             *("wheel_radius_factor", "track_width_factor", "slip_angle_rad_s2_per_m"),
             "centre_of_mass_ahead_m",
         ),
-        "mocap": (
+        "simulation.cameras": (
             *("latency_s", "latency_jitter_s", "position_noise_m", "angle_noise_rad"),
             *("marker_offset", "lost_frame_share"),
         ),
@@ -97,8 +98,8 @@ def message(tmp_path: Path, text: str, **kwargs) -> str:
         ("mocap: [1\n", "lab.yaml:2: not valid YAML"),
         ("just words\n", "lab.yaml:1: expected sections such as 'controller:'"),
         (
-            "radio:\n  to_robot: {loss: 1.5}\n",
-            "lab.yaml:2: radio.to_robot.loss: input should be less than or equal to 1, found 1.5",
+            "simulation:\n  radio:\n    to_robot: {loss: 1.5}\n",
+            "lab.yaml:3: simulation.radio.to_robot.loss: input should be less than or equal to 1",
         ),
         (
             "controller: {weights: {me: {q: [1, 2], r: [1, 1]}}}\n",
@@ -153,6 +154,14 @@ def message(tmp_path: Path, text: str, **kwargs) -> str:
             "controller:\n  weights:\n    mee: {q: [1, 2, 3], r: [1, 1]}\n",
             "lab.yaml:3: controller.weights.mee: input should be 'me', 'ce' or 'ds', found 'mee'",
         ),
+        (
+            "simulation: {clock: {drift_ppm: 200}}\n",
+            "simulation.clock.drift_ppm 200 is beyond clock.largest_drift_ppm 100",
+        ),
+        (
+            "simulation:\n  camera: {}\n",
+            "lab.yaml:2: simulation.camera: unknown key; did you mean simulation.cameras?",
+        ),
     ],
 )
 def test_messages_name_file_line_key_and_remedy(tmp_path, text, said):
@@ -206,7 +215,11 @@ def test_every_default_says_where_it_comes_from():
 def test_a_record_of_an_older_version_takes_defaults_for_what_it_does_not_say():
     config = load_config(robot="dynamic", overrides=["controller.horizon=17"])
     said = yaml.safe_load(dump_config(config))
-    del said["radio"], said["controller"]["use_compiler"], said["robot"]["track_width_m"]
+    del (
+        said["simulation"]["radio"],
+        said["controller"]["use_compiler"],
+        said["robot"]["track_width_m"],
+    )
     assert parse_config(yaml.safe_dump(said), "record") == config
 
 

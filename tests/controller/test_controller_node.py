@@ -29,7 +29,7 @@ class Lab:
 
     def __init__(self, folder, robot="kinematic", start=None, overrides=()):
         pose = compose(GOAL, start or START[robot])
-        placed = [f"plant.initial_pose={list(pose)}", *overrides]
+        placed = [f"simulation.plant.initial_pose={list(pose)}", *overrides]
         self.config = load_config(robot=robot, overrides=placed)
         self.log = folder / "session.lcm"
         self.plant = PlantNode(self.config)
@@ -136,7 +136,10 @@ def test_without_a_logger_the_robot_is_not_moved():
 
 def test_the_state_is_the_robots_where_the_model_knows_of_the_markers():
     offset = Pose(0.05, -0.03, 0.2)
-    overrides = [f"mocap.marker_offset={list(offset)}", "plant.initial_pose=[0.5, 0.1, 3.0]"]
+    overrides = [
+        f"simulation.cameras.marker_offset={list(offset)}",
+        "simulation.plant.initial_pose=[0.5, 0.1, 3.0]",
+    ]
     config = load_config(robot="kinematic", preset="ideal", overrides=overrides)
     prediction = NominalPrediction("kinematic", 0.05)
     prediction.marker_offset = offset

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from koopman_lab.config.load import dump_config, load_config, parse_config
-from koopman_lab.config.robot_side import Fault, PlannedFault
+from koopman_lab.config.simulation import Fault, PlannedFault
 from koopman_lab.emulation.faults import KINDS, NO_EFFECTS, Faults, fault_message, fault_of
 
 kinds = st.sampled_from(KINDS)
@@ -102,7 +102,7 @@ def test_a_fault_has_only_the_details_of_its_kind():
 
 
 def test_planned_faults_in_a_configuration_read_back():
-    text = "faults=[{kind: clock_jump, at_s: 2, jump_s: -3}, {kind: encoder_stuck, at_s: 1}]"
-    config = load_config(overrides=[text])
-    assert [fault.wheel for fault in config.faults] == [None, "both"]
+    faults = "[{kind: clock_jump, at_s: 2, jump_s: -3}, {kind: encoder_stuck, at_s: 1}]"
+    config = load_config(overrides=[f"simulation.faults={faults}"])
+    assert [fault.wheel for fault in config.simulation.faults] == [None, "both"]
     assert parse_config(dump_config(config), "dump") == config

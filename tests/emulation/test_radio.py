@@ -7,7 +7,7 @@ from tests_support import lab_of
 from koopman_lab.bus import channels
 from koopman_lab.bus.realtime import run_node
 from koopman_lab.config.load import load_config
-from koopman_lab.config.robot_side import RadioLink
+from koopman_lab.config.simulation import RadioLink
 from koopman_lab.emulation.board import emulated_board
 from koopman_lab.emulation.radio import Radio
 
@@ -118,8 +118,11 @@ def converse(*overrides):
     link = "{delay_s: 0.003, jitter_s: 0, loss: 0.25}"
     config = load_config(
         overrides=[
-            *(f"radio.to_robot={link}", "radio.from_robot={delay_s: 0.001, jitter_s: 0}"),
-            *("clock.offset_s=0", "clock.drift_ppm=0"),
+            *(
+                f"simulation.radio.to_robot={link}",
+                "simulation.radio.from_robot={delay_s: 0.001, jitter_s: 0}",
+            ),
+            *("simulation.clock.offset_s=0", "simulation.clock.drift_ppm=0"),
             *overrides,
         ]
     )
@@ -169,7 +172,11 @@ def test_in_real_time_the_node_itself_waits_for_what_is_under_way(bus_url):
     """A board that hears its own words: both directions delay them, none is lost."""
     link = "{delay_s: 0.05, jitter_s: 0.01, loss: 0.0}"
     config = load_config(
-        overrides=[f"bus.url={bus_url}", f"radio.to_robot={link}", f"radio.from_robot={link}"]
+        overrides=[
+            f"bus.url={bus_url}",
+            f"simulation.radio.to_robot={link}",
+            f"simulation.radio.from_robot={link}",
+        ]
     )
     board = Speaker("onboard", [channels.WHEEL_STATE], [channels.WHEEL_STATE])
     say = board._say

@@ -70,7 +70,7 @@ def test_motors_are_at_zero_in_the_next_tick_and_the_robot_stands_soon_after(v, 
 def test_braking_lasts_as_long_as_motor_and_friction_say():
     """Speed falls towards minus what friction would drive it to, with the lag of the motor."""
     config = load_config()
-    motor, body = config.plant.motor, config.plant.body
+    motor, body = config.simulation.plant.motor, config.simulation.plant.body
     back_emf = motor.gear_ratio * motor.torque_constant_n_m_per_a
     damping = back_emf**2 / motor.resistance_ohm + motor.viscous_friction_n_m_s_per_rad
     radius_m = config.robot.wheel_radius_m

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import Pose, compose
-from onboard.plant.cameras import Cameras
+from onboard.plant.cameras.cameras import Cameras
 
 PERIOD_US = 4167
 TRUE = Pose(1.0, -2.0, math.pi)
@@ -15,8 +15,10 @@ TRUE = Pose(1.0, -2.0, math.pi)
 
 def film(*overrides, preset="lab", frames=4000, pose=TRUE):
     """Expose a standing robot; return ``(handed out at, utime, pose, valid)`` of each frame."""
-    config = load_config(preset=preset, overrides=[f"mocap.{text}" for text in overrides])
-    cameras = Cameras(config.mocap, np.random.default_rng(0))
+    config = load_config(
+        preset=preset, overrides=[f"simulation.cameras.{text}" for text in overrides]
+    )
+    cameras = Cameras(config.simulation.cameras, np.random.default_rng(0))
     rows = []
     for k in range(frames):
         cameras.expose(k * PERIOD_US, pose)

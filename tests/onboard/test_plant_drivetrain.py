@@ -14,14 +14,14 @@ from onboard.plant.drivetrain import Drivetrain
 from onboard.plant.plant import Plant
 
 SIMPLE = (
-    "plant.motor.gain=[1.0, 1.0]",
-    "plant.motor.coulomb_friction_n_m=[0.0, 0.0]",
-    "plant.motor.breakaway_friction_n_m=[0.0, 0.0]",
-    "plant.battery.resistance_ohm=0.0",
-    "plant.battery.capacity_ah=1.0e+9",
-    "plant.body.centre_of_mass_ahead_m=0.0",
-    "plant.body.wheel_radius_factor=[1.0, 1.0]",
-    "plant.body.track_width_factor=1.0",
+    "simulation.plant.motor.gain=[1.0, 1.0]",
+    "simulation.plant.motor.coulomb_friction_n_m=[0.0, 0.0]",
+    "simulation.plant.motor.breakaway_friction_n_m=[0.0, 0.0]",
+    "simulation.plant.battery.resistance_ohm=0.0",
+    "simulation.plant.battery.capacity_ah=1.0e+9",
+    "simulation.plant.body.centre_of_mass_ahead_m=0.0",
+    "simulation.plant.body.wheel_radius_factor=[1.0, 1.0]",
+    "simulation.plant.body.track_width_factor=1.0",
 )
 
 
@@ -34,7 +34,11 @@ def turn(drivetrain, duties, seconds, step_us=5000):
 
 def speeds_of_newton_and_euler(config, duties, seconds):
     """Integrate v and omega of the body with the forces at both rims; friction as while turning."""
-    motor, body, battery = config.plant.motor, config.plant.body, config.plant.battery
+    motor, body, battery = (
+        config.simulation.plant.motor,
+        config.simulation.plant.body,
+        config.simulation.plant.battery,
+    )
     radii = config.robot.wheel_radius_m * np.array(body.wheel_radius_factor)
     track = config.robot.track_width_m * body.track_width_factor
     k = motor.torque_constant_n_m_per_a * motor.gear_ratio
@@ -82,13 +86,13 @@ def speeds_of_newton_and_euler(config, duties, seconds):
 @pytest.mark.parametrize("duties", [(0.5, 0.3), (-0.4, 0.6), (1.0, 1.0)])
 @pytest.mark.parametrize("seconds", [0.05, 1.0])
 def test_speeds_are_those_of_newton_and_euler(preset, duties, seconds):
-    config = load_config(preset=preset, overrides=["plant.battery.capacity_ah=1.0e+9"])
+    config = load_config(preset=preset, overrides=["simulation.plant.battery.capacity_ah=1.0e+9"])
     found = turn(Drivetrain(config), duties, seconds)
     assert found == pytest.approx(speeds_of_newton_and_euler(config, duties, seconds), abs=5e-3)
 
 
 def test_a_smaller_step_comes_closer_with_the_square():
-    config = load_config(overrides=["plant.battery.capacity_ah=1.0e+9"])
+    config = load_config(overrides=["simulation.plant.battery.capacity_ah=1.0e+9"])
     exact = speeds_of_newton_and_euler(config, (0.8, 0.5), 0.05)
     errors = [
         np.abs(turn(Drivetrain(config), (0.8, 0.5), 0.05, step_us) - exact).max()
@@ -101,7 +105,11 @@ def test_a_smaller_step_comes_closer_with_the_square():
 @pytest.mark.parametrize("step_us", [1_000, 4_167, 50_000])
 def test_without_friction_and_droop_it_is_the_exact_lag_of_a_motor(step_us):
     config = load_config(overrides=SIMPLE)
-    motor, body, r = config.plant.motor, config.plant.body, config.robot.wheel_radius_m
+    motor, body, r = (
+        config.simulation.plant.motor,
+        config.simulation.plant.body,
+        config.robot.wheel_radius_m,
+    )
     k = motor.torque_constant_n_m_per_a * motor.gear_ratio
     damping = k**2 / motor.resistance_ohm + motor.viscous_friction_n_m_s_per_rad
     turning = body.wheel_inertia_kg_m2 + motor.gear_ratio**2 * motor.rotor_inertia_kg_m2
@@ -129,7 +137,7 @@ def test_the_lab_robot_has_the_lag_and_the_speed_that_feed_forward_believes_in()
 
 def test_friction_holds_a_wheel_at_rest_and_stops_a_moving_one():
     config = load_config()
-    motor = config.plant.motor
+    motor = config.simulation.plant.motor
     k = motor.torque_constant_n_m_per_a * motor.gear_ratio
     drivetrain = Drivetrain(config)
     per_duty = k / motor.resistance_ohm * drivetrain.battery_v()
@@ -175,13 +183,16 @@ def test_without_duty_the_energy_never_grows(duties):
 
 def test_the_battery_droops_under_load_and_runs_down():
     config = load_config()
-    battery = config.plant.battery
+    battery = config.simulation.plant.battery
     drivetrain = Drivetrain(config)
     idle_v = drivetrain.battery_v()
     open_v = battery.empty_v + battery.state_of_charge * (battery.full_v - battery.empty_v)
     assert idle_v == pytest.approx(open_v - battery.resistance_ohm * battery.board_current_a)
     drivetrain.drive(1.0, 1.0)
-    stalled_a = sum(g**2 for g in config.plant.motor.gain) / config.plant.motor.resistance_ohm
+    stalled_a = (
+        sum(g**2 for g in config.simulation.plant.motor.gain)
+        / config.simulation.plant.motor.resistance_ohm
+    )
     drop = battery.resistance_ohm * stalled_a * drivetrain.battery_v()
     assert drivetrain.battery_v() == pytest.approx(idle_v - drop, rel=1e-9)
     turn(drivetrain, (0.0, 0.0), 36.0)
@@ -193,7 +204,9 @@ def test_the_battery_droops_under_load_and_runs_down():
 
 def test_a_curve_drifts_outward_by_the_slip_angle():
     def radius(slip):
-        config = load_config(overrides=[*SIMPLE, f"plant.body.slip_angle_rad_s2_per_m={slip}"])
+        config = load_config(
+            overrides=[*SIMPLE, f"simulation.plant.body.slip_angle_rad_s2_per_m={slip}"]
+        )
         plant = Plant(config, np.random.default_rng(0))
         plant.advance(0)
         plant.drive(0.3, 0.5)
@@ -210,4 +223,4 @@ def test_a_curve_drifts_outward_by_the_slip_angle():
 
 def test_a_body_whose_mass_lies_too_far_off_cannot_be():
     with pytest.raises(ConfigError, match=r"the centre of mass alone makes 0\.04"):
-        load_config(overrides=["plant.body.centre_of_mass_ahead_m=0.2"])
+        load_config(overrides=["simulation.plant.body.centre_of_mass_ahead_m=0.2"])

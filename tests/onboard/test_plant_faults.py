@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from koopman_lab.config.load import load_config
-from koopman_lab.config.robot_side import Fault
+from koopman_lab.config.simulation import Fault
 from koopman_lab.geometry.planar import Pose
 from koopman_lab.units import wrap_counter
-from onboard.plant.cameras import Cameras
+from onboard.plant.cameras.cameras import Cameras
 from onboard.plant.counters import Counters
 from onboard.plant.hardware import Hardware
 from onboard.plant.plant import Plant
@@ -19,7 +19,7 @@ TICK_US = 10_000
 
 class Bench:
     def __init__(self, preset, *planned):
-        config = load_config(preset=preset, overrides=[f"faults=[{', '.join(planned)}]"])
+        config = load_config(preset=preset, overrides=[f"simulation.faults=[{', '.join(planned)}]"])
         self.plant = Plant(config, np.random.default_rng(0))
         self.hardware = Hardware(config, self.plant, 0)
         self.now_us = 0
@@ -97,7 +97,9 @@ def test_counters_wrap_also_after_having_been_stuck(start, steps):
 
 def test_a_hidden_robot_is_not_seen_and_the_noise_of_later_frames_is_the_same():
     config = load_config()
-    open_view, hidden = (Cameras(config.mocap, np.random.default_rng(1)) for _ in range(2))
+    open_view, hidden = (
+        Cameras(config.simulation.cameras, np.random.default_rng(1)) for _ in range(2)
+    )
     for k in range(20):
         open_view.expose(k * 4000, Pose(0.1, 0.2, 0.3))
         hidden.expose(k * 4000, Pose(0.1, 0.2, 0.3), hidden=k < 10)

@@ -18,6 +18,7 @@ from onboard.plant.node import PlantNode
 from onboard.time_sync import Exchange, TimeSync
 
 CLOCK = load_config().clock
+BOARD = load_config().simulation.clock
 PERIOD_US = 250_000
 
 
@@ -25,9 +26,9 @@ class Pair:
     """A desk whose clock is true, a board whose clock is not, and a radio between them."""
 
     def __init__(self, offset_s, drift_ppm, seed=1, there_s=0.001, back_s=0.001, **changes):
-        clock = CLOCK.model_copy(update={"offset_s": offset_s, "drift_ppm": drift_ppm} | changes)
+        clock = BOARD.model_copy(update={"offset_s": offset_s, "drift_ppm": drift_ppm})
         self.board = DriftingClock(clock, 0, Faults((), 0))
-        self.sync = TimeSync(clock)
+        self.sync = TimeSync(CLOCK.model_copy(update=changes))
         self.now_us = 0
         self._rng, self._means_us = np.random.default_rng(seed), (1e6 * there_s, 1e6 * back_s)
 
@@ -126,7 +127,7 @@ def test_the_map_back_undoes_the_map(desk_us, drift_ppm):
 
 def test_a_clock_that_was_set_is_learned_anew():
     pair = Pair(0.25, 40.0).exchange(100)
-    pair.board = DriftingClock(CLOCK.model_copy(update={"offset_s": 10.0}), 0, Faults((), 0))
+    pair.board = DriftingClock(BOARD.model_copy(update={"offset_s": 10.0}), 0, Faults((), 0))
     error, bound = pair.exchange(1).error_us()
     assert abs(error) <= bound < 10_000
     assert (pair.sync.restarts, pair.sync.exchanges) == (1, 1)
@@ -162,7 +163,12 @@ def drive(seconds, *overrides):
 @pytest.mark.parametrize("offset_s", [0.25, -0.25, 1e6, -1e6])
 def test_whatever_the_board_believes_it_drives_and_speaks_in_the_desks_time(offset_s):
     onboard, heard = drive(
-        *(8.0, f"clock.offset_s={offset_s}", "clock.drift_ppm=-80", "radio.to_robot.loss=0"),
+        *(
+            8.0,
+            f"simulation.clock.offset_s={offset_s}",
+            "simulation.clock.drift_ppm=-80",
+            "simulation.radio.to_robot.loss=0",
+        ),
     )
     counts = onboard.loop.arbiter.counts
     # A board whose clock is far off refuses commands until the first answer.
@@ -179,7 +185,7 @@ def test_whatever_the_board_believes_it_drives_and_speaks_in_the_desks_time(offs
 
 
 def test_a_replayed_command_is_stale_by_the_boards_map():
-    onboard, _ = drive(2.0, "clock.offset_s=1e6")
+    onboard, _ = drive(2.0, "simulation.clock.offset_s=1e6")
     counts, lifetime_s = onboard.loop.arbiter.counts, load_config().motor_loop.command_lifetime_s
     for age_s, refused in ((lifetime_s + 0.01, 1), (lifetime_s - 0.01, 0)):
         message, before = channels.VELOCITY_CMD.type(), counts.refused["stale"]
@@ -195,7 +201,7 @@ def test_a_calibration_is_complete_and_its_log_a_function_of_the_seed(robot, tmp
         config = load_config(
             robot=robot,
             overrides=[
-                *("clock.offset_s=-30", "clock.drift_ppm=90", f"seed={seed}"),
+                *("simulation.clock.offset_s=-30", "simulation.clock.drift_ppm=90", f"seed={seed}"),
                 *("sampler.segments_per_basis=1", "sampler.largest_steps=20"),
             ],
         )

@@ -11,7 +11,7 @@ from koopman_lab.replay.message_types import require_readable, unreadable_channe
 from koopman_lab.replay.recorded_process import RecordedProcess, recorded_process
 from koopman_lab.units import US_PER_S
 
-CONFIG = load_config(overrides=["clock.offset_s=2.0", "clock.drift_ppm=50.0"])
+CONFIG = load_config(overrides=["simulation.clock.offset_s=2.0", "simulation.clock.drift_ppm=50.0"])
 START_US = 1_700_000_000 * US_PER_S
 PERIOD_US = 500_000
 
@@ -30,19 +30,29 @@ def beats(node="sampler", pid=4711, start_us=START_US, first=0, count=4, late_us
 
 def test_lockstep_begins_at_zero():
     process = recorded_process("sampler", CONFIG, beats(pid=0, start_us=0, late_us=0))
-    assert process == RecordedProcess(0, 0)
+    assert process == RecordedProcess(0, 0, simulated=False)
     assert process.virtual
 
 
 def test_a_process_began_when_its_first_heartbeat_was_due():
-    assert recorded_process("sampler", CONFIG, beats()) == RecordedProcess(START_US, 4711)
-    assert recorded_process("sampler", CONFIG, beats(first=3)) == RecordedProcess(START_US, 4711)
-    assert not recorded_process("sampler", CONFIG, beats()).virtual
+    process = RecordedProcess(START_US, 4711, simulated=False)
+    assert recorded_process("sampler", CONFIG, beats()) == process
+    assert recorded_process("sampler", CONFIG, beats(first=3)) == process
+    assert not process.virtual
 
 
-def test_the_boards_clock_is_not_the_desks():
+def test_the_clock_of_a_simulated_board_is_not_the_desks():
     events = beats("onboard", first=4, ahead_us=2 * US_PER_S + 100)  # after 2 s with 50 ppm
-    assert recorded_process("onboard", CONFIG, events) == RecordedProcess(START_US, 4711)
+    both = sorted(events + beats("plant", pid=4712, count=8), key=lambda event: event.timestamp_us)
+    process = recorded_process("onboard", CONFIG, both)
+    assert process == RecordedProcess(START_US, 4711, simulated=True)
+
+
+@pytest.mark.parametrize("preset", ["real", "lab"])
+def test_without_a_plant_the_board_was_real_whatever_the_commander_believed(preset):
+    config = load_config(preset=preset)
+    process = recorded_process("onboard", config, beats("onboard", first=4))
+    assert process == RecordedProcess(START_US, 4711, simulated=False)
 
 
 def test_a_log_that_begins_late_begins_with_the_ticks_of_the_process():

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from koopman_lab.bus.channels import CHANNELS, command_channel
 from koopman_lab.config.load import load_config
+from koopman_lab.config.presets import Preset
 from koopman_lab.robots.table import DEFAULT_ROBOT, ROBOTS, robot_type
 
 KINDS = ROBOTS.names()
@@ -150,7 +151,7 @@ def test_what_drives_two_wheels_fits_the_equations(robot, velocity, target):
 
 
 @every_robot
-@pytest.mark.parametrize("preset", ["lab", "ideal", "harsh"])
+@pytest.mark.parametrize("preset", list(Preset))
 def test_its_default_configuration_loads_and_fits(robot, preset):
     config = load_config(robot=robot.name, preset=preset)
     assert config.robot.kind == robot.name
@@ -165,7 +166,10 @@ def test_its_default_configuration_loads_and_fits(robot, preset):
         assert np.all(np.array(config.controller.u_max) <= limits)
         assert np.all(np.abs(config.sampler.basis_inputs) <= limits)
         ideal = "linear" if robot.drive.integrates else "instantaneous"
-        assert config.plant.motor.drive == (ideal if preset == "ideal" else "dc")
+        drives = {Preset.real: None, Preset.ideal: ideal}
+        simulated = config.simulation
+        drive = None if simulated is None else simulated.plant.motor.drive
+        assert drive == drives.get(preset, "dc")
 
 
 @every_robot

@@ -58,7 +58,7 @@ OMNI = RobotType(
 )
 """
 DEFAULTS = """
-plant: {placement: {position_m: 0.0, angle_rad: 0.0}}
+placement: {position_m: 0.0, angle_rad: 0.0}
 sampler:
   segments_per_basis: 3
   basis_inputs: [[0.2, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.5]]
@@ -71,7 +71,7 @@ controller:
   u_max: [0.4, 0.4, 1.5]
   weights: {me: {q: [1, 1, 0.1], r: [0.1, 0.1, 0.01]}}
 presets:
-  ideal: {plant: {motor: {drive: instantaneous}}}
+  ideal: {simulation: {plant: {motor: {drive: instantaneous}}}}
 """
 OWN = ("ahead_m_per_s", "aside_m_per_s", "omega_rad_per_s")
 
@@ -140,8 +140,9 @@ def test_it_brings_its_own_defaults():
     config = load_config(robot="omni", overrides=["controller.horizon=7"])
     assert (config.controller.horizon, config.controller.u_max) == (7, (0.4, 0.4, 1.5))
     assert config.sampler.indexed_inputs[3] == (0.0, 0.0, 0.5)
-    assert config.plant.motor.drive == "dc"
-    assert load_config(robot="omni", preset="ideal").plant.motor.drive == "instantaneous"
+    assert config.simulation.plant.motor.drive == "dc"
+    ideal = load_config(robot="omni", preset="ideal")
+    assert ideal.simulation.plant.motor.drive == "instantaneous"
     assert config.robot.kind == "omni"
 
 
@@ -151,6 +152,7 @@ def test_it_brings_its_own_defaults():
     [
         ("controller: {horizont: 3}", "omni.yaml:1: controller.horizont: unknown key; did you"),
         ("presets: {ideal: 3}", "omni.yaml:1: presets.ideal: expected sections"),
+        ("plant: {motor: {gain: [1, 1]}}", "omni.yaml:1: plant.motor.gain: is now simulation."),
         ("presets: 3", "omni.yaml:1: presets.ideal: expected sections"),
         ("- 1", "omni.yaml:1: expected sections"),
         ("a: [", "omni.yaml:2: not valid YAML"),

@@ -5,7 +5,7 @@ import pytest
 
 from koopman_lab.bus.channels import FAULT, SAMPLER_STATE
 from koopman_lab.config.load import load_config
-from koopman_lab.config.robot_side import Fault
+from koopman_lab.config.simulation import Fault
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.emulation.faults import fault_message

@@ -31,7 +31,7 @@ SHORT_RUNS = [
 ]
 """Hardly any way between the runs, for sessions in real time: 3 s a segment."""
 
-NO_RADIO_LOSS = ("--set", "radio.from_robot.loss=0.0")
+NO_RADIO_LOSS = ("--set", "simulation.radio.from_robot.loss=0.0")
 """So that every message that is missing was lost on this machine."""
 
 

@@ -30,7 +30,7 @@ def by_watchdog(config: LabConfig) -> float:
 
 def by_driver(config: LabConfig) -> float:
     """Return the time to rest after the last motor command (s)."""
-    return config.plant.motor.command_timeout_s + ON_THE_WAY_S + COAST_S
+    return config.require_simulation().plant.motor.command_timeout_s + ON_THE_WAY_S + COAST_S
 
 
 def by_estop(config: LabConfig) -> float:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from koopman_lab.config.robot_side import Fault
+from koopman_lab.config.simulation import Fault
 from koopman_lab.geometry.planar import Pose
 from koopman_lab.robots.robot_type import RobotType
 from offboard.bench.faults.bounds import (

@@ -133,8 +133,10 @@ class Stage:
     def __init__(self, config: LabConfig, activity: Activity, log: Path) -> None:
         from koopman_lab.predictors.nominal import NominalPrediction
 
-        start = list(START) if activity == "park" else list(config.plant.initial_pose)
-        self.config = config = changed(config, "plant", initial_pose=tuple(start))
+        config.require_simulation()
+        if activity == "park":
+            config = changed(config, "simulation.plant", initial_pose=tuple(START))
+        self.config = config
         self.lab = Lockstep(config)
         self.onboard = OnboardNode(config)
         self.witness = Witness()

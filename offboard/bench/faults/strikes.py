@@ -15,7 +15,7 @@ from koopman_lab.bus.channels import (
     WHEEL_STATE,
     command_channel,
 )
-from koopman_lab.config.robot_side import Fault
+from koopman_lab.config.simulation import Fault
 from koopman_lab.emulation.faults import fault_message
 from koopman_lab.errors import LabStateError, ModelError
 from koopman_lab.geometry.planar import Pose

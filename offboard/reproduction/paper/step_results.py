@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from koopman_lab.config.moved_keys import translate
 from koopman_lab.errors import DataError
 
 Array = NDArray[np.float64]
@@ -53,7 +54,7 @@ class StepResults:
         DataError
             If the file cannot be read, or has no such key.
         """
-        return _under(self._read(step, "config.yaml"), f"{step}/config.yaml", keys)
+        return _under(translate(self._read(step, "config.yaml")), f"{step}/config.yaml", keys)
 
     def rows(self, step: str, file: str, **where: str) -> list[dict[str, str]]:
         """Return the rows of a table whose columns have these values.

@@ -9,7 +9,7 @@ from math import cos, sin
 
 import numpy as np
 
-from koopman_lab.config.robot_side import Mocap
+from koopman_lab.config import simulation
 from koopman_lab.geometry.planar import PlainPose, wrap_angle
 from koopman_lab.units import US_PER_S
 
@@ -30,14 +30,14 @@ class Cameras:
     Frames keep their order: one that takes long holds back those behind it.
     """
 
-    def __init__(self, mocap: Mocap, rng: np.random.Generator) -> None:
-        self._marker = mocap.marker_offset
-        self._occlusions_per_s = mocap.occlusions_per_s
-        self._occlusion_s = mocap.occlusion_s
+    def __init__(self, settings: simulation.Cameras, rng: np.random.Generator) -> None:
+        self._marker = settings.marker_offset
+        self._occlusions_per_s = settings.occlusions_per_s
+        self._occlusion_s = settings.occlusion_s
         self._hidden_from_us: int | None = None
         self._hidden_until_us = 0
         noise, occlusions = rng.spawn(2)
-        self._numbers = chain.from_iterable(_draws(mocap, noise))
+        self._numbers = chain.from_iterable(_draws(settings, noise))
         self._occlusions = occlusions
         self._pending: deque[tuple[int, Frame]] = deque()
         self._last_ready_us = 0
@@ -85,13 +85,18 @@ class Cameras:
         return utime >= self._hidden_from_us
 
 
-def _draws(mocap: Mocap, rng: np.random.Generator) -> Iterator[Iterable[Numbers]]:
+def _draws(settings: simulation.Cameras, rng: np.random.Generator) -> Iterator[Iterable[Numbers]]:
     """Yield the random numbers of the next frames, many at once."""
-    spread = np.array([mocap.position_noise_m, mocap.position_noise_m, mocap.angle_noise_rad])
-    latency_us, jitter_us = round(mocap.latency_s * US_PER_S), mocap.latency_jitter_s * US_PER_S
+    spread = np.array(
+        [settings.position_noise_m, settings.position_noise_m, settings.angle_noise_rad]
+    )
+    latency_us, jitter_us = (
+        round(settings.latency_s * US_PER_S),
+        settings.latency_jitter_s * US_PER_S,
+    )
     while True:
         errors = spread * rng.standard_normal((FRAMES_PER_DRAW, 3))
         chances = rng.random((FRAMES_PER_DRAW, 2))
-        lost = chances[:, 0] < mocap.lost_frame_share
+        lost = chances[:, 0] < settings.lost_frame_share
         delays_us = latency_us + np.rint(jitter_us * chances[:, 1]).astype(np.int64)
         yield zip(errors.tolist(), lost.tolist(), delays_us.tolist(), strict=True)

@@ -1,6 +1,7 @@
-"""The sections of the robot's side of the radio: radio, clock, faults, motor loop, plant, cameras.
+"""The section of what is simulated: radio, board clock, cameras, faults, and the plant itself.
 
-What each value means, its unit and where it comes from is said in ``defaults/*.yaml``.
+A lab with a real robot has none of it. What each value means, its unit and where it comes from is
+said in ``defaults/*.yaml``.
 """
 
 from __future__ import annotations
@@ -42,23 +43,24 @@ class Radio(Section):
     from_robot: RadioLink
 
 
-class Clock(Section):
-    """The board's clock against the desk's, and how the board finds out."""
+class BoardClock(Section):
+    """The board's clock against the desk's."""
 
     offset_s: Finite
     drift_ppm: Finite
-    ping_rate_hz: Positive
-    window_s: Positive
-    largest_drift_ppm: NotNegative
 
-    @model_validator(mode="after")
-    def _within_what_the_board_expects(self) -> Clock:
-        if abs(self.drift_ppm) > self.largest_drift_ppm:
-            raise ValueError(
-                f"drift_ppm {self.drift_ppm:g} is beyond largest_drift_ppm "
-                f"{self.largest_drift_ppm:g}, so that no error bound would hold"
-            )
-        return self
+
+class Cameras(Section):
+    """What the cameras see, and when they say so."""
+
+    latency_s: NotNegative
+    latency_jitter_s: NotNegative
+    position_noise_m: NotNegative
+    angle_noise_rad: NotNegative
+    marker_offset: Triple
+    lost_frame_share: Share
+    occlusions_per_s: NotNegative
+    occlusion_s: SpanFromZero
 
 
 FaultKind = Literal[
@@ -115,52 +117,6 @@ class PlannedFault(Fault):
     at_s: NotNegative
 
 
-class Pid(Section):
-    """One wheel's speed controller; the error is in rad/s, the output is a duty in [-1, 1]."""
-
-    proportional: NotNegative
-    integral_per_s: NotNegative
-    derivative_s: NotNegative
-    derivative_filter_s: Positive
-    feed_forward_full_duty_rad_per_s: Positive
-    feed_forward_lag_s: NotNegative
-    friction_duty: NotNegative
-
-
-class VelocityLimits(Section):
-    """Limits of the set-point the motor loop accepts."""
-
-    v_m_per_s: Positive
-    omega_rad_per_s: Positive
-    a_m_per_s2: Positive
-    d_omega_rad_per_s2: Positive
-
-
-class Health(Section):
-    """When the motor loop finds the robot unfit to drive."""
-
-    battery_low_v: NotNegative
-    battery_s: NotNegative
-    encoder_timeout_s: Positive
-    stuck_duty: Share
-    stuck_s: Positive
-
-
-class MotorLoop(Section):
-    """The onboard program."""
-
-    rate_hz: Positive
-    wheel_state_rate_hz: Positive
-    wheel_state_window_s: Positive
-    status_rate_hz: Positive
-    watchdog_s: Positive
-    command_lifetime_s: Positive
-    encoder_counts_per_rev: Annotated[int, Field(ge=4)]
-    health: Health
-    pid: Pid
-    limits: VelocityLimits
-
-
 class Motor(Section):
     """Both geared motors of the plant; pairs are (left, right), torques are those at the wheel."""
 
@@ -209,15 +165,8 @@ class Body(Section):
         return self
 
 
-class Placement(Section):
-    """How exactly a hand places the robot: uniform within plus and minus these."""
-
-    position_m: NotNegative
-    angle_rad: NotNegative
-
-
 class Plant(Section):
-    """What stands in for hardware."""
+    """Motors, body and encoders."""
 
     encoder_rate_hz: Positive
     largest_step_s: Positive
@@ -225,18 +174,13 @@ class Plant(Section):
     motor: Motor
     battery: Battery
     body: Body
-    placement: Placement
 
 
-class Mocap(Section):
-    """The motion-capture cameras."""
+class Simulation(Section):
+    """All that stands in for hardware."""
 
-    rate_hz: Positive
-    latency_s: NotNegative
-    latency_jitter_s: NotNegative
-    position_noise_m: NotNegative
-    angle_noise_rad: NotNegative
-    marker_offset: Triple
-    lost_frame_share: Share
-    occlusions_per_s: NotNegative
-    occlusion_s: SpanFromZero
+    radio: Radio
+    clock: BoardClock
+    cameras: Cameras
+    faults: tuple[PlannedFault, ...]
+    plant: Plant

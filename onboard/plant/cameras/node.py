@@ -1,0 +1,76 @@
+"""Ties the plant's cameras to the bus; real cameras replace exactly this."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+import lcmtypes
+from koopman_lab.bus import channels
+from koopman_lab.bus.node import Port
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.geometry.planar import PlainPose
+from onboard.plant.cameras.cameras import Cameras
+
+
+class Scene(Protocol):
+    """What simulated cameras look at: a robot whose true motion is known, in the same process."""
+
+    after_tick: list[Callable[[int], None]]
+    """Called with the time (us) after each tick of the robot's own."""
+
+    def advance(self, now_us: int) -> int:
+        """Move on to ``now_us``; return the time (us) at which the robot then is."""
+
+    def coordinates(self) -> PlainPose:
+        """Return the true pose (m, m, rad)."""
+
+    def hidden(self) -> bool:
+        """Return whether somebody stands between the robot and the cameras."""
+
+
+class SimulatedCameras:
+    """Speaks MOCAP_POSE.
+
+    Parameters
+    ----------
+    config
+        The lab; something must be simulated.
+    scene
+        What the cameras look at; attached before them.
+    """
+
+    name = "plant"
+
+    def __init__(self, config: LabConfig, scene: Scene) -> None:
+        # The second of the two generators of a plant; the other one is its robot's.
+        noise = np.random.SeedSequence([config.seed, 1], spawn_key=(1,))
+        self._cameras = Cameras(config.require_simulation().cameras, np.random.default_rng(noise))
+        self._rate_hz = config.mocap.rate_hz
+        self._scene = scene
+        # Encoded as soon as it is filled, so that one does.
+        self._seen = lcmtypes.mocap_pose_t()
+
+    def attach(self, port: Port) -> None:
+        """Register the timer."""
+        self._port = port
+        port.every(self._rate_hz, self._on_tick)
+        # Frames become ready between exposures, so these ticks ask for them as well.
+        self._scene.after_tick.append(self._send_frames)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _on_tick(self, tick_us: int) -> None:
+        scene = self._scene
+        utime = scene.advance(tick_us)
+        self._cameras.expose(utime, scene.coordinates(), hidden=scene.hidden())
+        self._send_frames(utime)
+
+    def _send_frames(self, now_us: int) -> None:
+        seen = self._seen
+        for seen.utime, pose, seen.tracking_valid in self._cameras.ready(now_us):
+            seen.x1_m, seen.x2_m, seen.theta_rad = pose
+            self._port.publish(channels.MOCAP_POSE, seen)
