@@ -54,9 +54,12 @@ def test_a_replay_onto_the_bus_of_a_live_robot_is_refused(session, bus_url):
     assert "Traceback" not in done.stderr
 
 
-def test_lcm_logplayer_on_the_bus_of_a_live_robot_does_not_move_it(bus_url):
+@pytest.mark.parametrize("preset", ["real", "lab"])
+def test_lcm_logplayer_on_the_bus_of_a_live_robot_does_not_move_it(bus_url, preset):
     """Nothing warns who plays a log this way; so the robot itself must tell it from the living."""
-    nodes = [subprocess.Popen([*KLAB, "run", n, "--url", bus_url]) for n in ("plant", "onboard")]
+    common = ("--url", bus_url)
+    commands = ("run", "plant", *common), ("run", "onboard", "--preset", preset, *common)
+    nodes = [subprocess.Popen([*KLAB, *command]) for command in commands]
     poses, statuses = [], []
     try:
         ear = Ear(bus_url)

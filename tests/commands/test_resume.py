@@ -8,8 +8,9 @@ import signal
 import numpy as np
 import pytest
 from klab import NO_RADIO_LOSS, SHORT_RUNS, klab, klab_ok, start_klab
+from old_keys import old_dump
 
-from koopman_lab.bus.channels import HEARTBEATS, SAMPLER_STATE
+from koopman_lab.bus.channels import HEARTBEATS, SAMPLER_STATE, SESSION_INFO
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
 from koopman_lab.data.decode import SessionLog
@@ -27,17 +28,28 @@ def whole(tmp_path_factory):
     return folder
 
 
-def cut(whole, folder, done):
-    """Make the folder of a session that ended by force in the run after ``done`` segments."""
+def cut(whole, folder, done, *, old=False):
+    """Make the folder of a session that ended by force in the run after ``done`` segments.
+
+    What is ``old`` was recorded before the configuration's keys moved.
+    """
     folder.mkdir()
     shutil.copy(whole / "config.yaml", folder)
+    text = old_dump(load_config(whole / "config.yaml"))
+    if old:
+        (folder / "config.yaml").write_text(text)
     with EventLogWriter(folder / "session.lcm") as log:
         for event in read_events(whole / "session.lcm"):
             if event.channel == "R1_SAMPLER_STATE":
                 state = SAMPLER_STATE.type.decode(event.data)
                 if state.segments_done >= done and state.phase == state.BASIS:
                     return
-            log.write(event.channel, event.data, event.timestamp_us)
+            data = event.data
+            if old and event.channel == "R1_SESSION_INFO":
+                info = SESSION_INFO.type.decode(data)
+                info.config_yaml = text
+                data = info.encode()
+            log.write(event.channel, data, event.timestamp_us)
 
 
 @pytest.mark.parametrize("done", [0, 3])
@@ -56,6 +68,19 @@ def test_a_resumed_session_keeps_what_there_was_and_completes_it(whole, tmp_path
     assert np.all(np.diff(states["segments_done"]) >= 0)
     assert log.config() == load_config(folder / "config.yaml")
     assert json.loads(klab_ok("train", folder, "--out", tmp_path / "m.npz", "--json"))
+
+
+@pytest.mark.parametrize("mode", [["--lockstep"], []], ids=["lockstep", "real time"])
+def test_a_session_of_the_version_before_is_resumed_and_trains(whole, tmp_path, mode, bus_url):
+    """Its processes read the configuration in its folder, in the keys of today and on this bus."""
+    folder = tmp_path / "session"
+    cut(whole, folder, 7, old=True)
+    klab_ok("calibrate", "--resume", folder, "--url", bus_url, *mode)
+    assert json.loads((folder / "summary.json").read_text())["complete"]
+    config = load_config(folder / "config.yaml")
+    assert config.bus.url == bus_url
+    assert SessionLog(folder).config().simulation == config.simulation is not None
+    klab_ok("train", folder, "--out", tmp_path / "m.npz")
 
 
 def test_what_cannot_be_resumed_is_said(whole, tmp_path):

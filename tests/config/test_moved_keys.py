@@ -1,12 +1,12 @@
 """Keys of older versions: refused where a person writes them, understood in what a run left."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from old_keys import as_it_was, leaves, nested, old_dump
 
 from koopman_lab.config.load import dump_config, load_config, parse_config, read_record
 from koopman_lab.config.moved_keys import MOVED, moved, translate
@@ -17,35 +17,7 @@ from koopman_lab.errors import ConfigError
 REFERENCE = Path(__file__).parents[1] / "data" / "reference"
 
 
-def leaves(values, above=()):
-    """Return all values by their whole keys."""
-    named = {}
-    for key, value in values.items():
-        inside = isinstance(value, Mapping)
-        named |= leaves(value, (*above, key)) if inside else {(*above, key): value}
-    return named
-
-
 LAB = leaves(load_config(robot="dynamic").model_dump(mode="json"))
-
-
-def as_it_was(key):
-    """Return the old name of a present key, if it has moved."""
-    for old, new in MOVED.items():
-        if key[: len(new)] == new:
-            return old + key[len(new) :]
-    return key
-
-
-def nested(named):
-    """Return a configuration from values by their whole keys."""
-    values = {}
-    for key, value in named.items():
-        section = values
-        for part in key[:-1]:
-            section = section.setdefault(part, {})
-        section[key[-1]] = value
-    return values
 
 
 OLD = {as_it_was(key): value for key, value in LAB.items()}
@@ -78,7 +50,9 @@ def test_each_old_key_or_its_section_is_named_with_its_present_name(keys):
 
 
 def test_a_record_in_old_keys_says_the_same():
-    assert parse_config(yaml.safe_dump(nested(OLD)), "record") == load_config(robot="dynamic")
+    config = load_config(robot="dynamic")
+    assert leaves(yaml.safe_load(old_dump(config))) == OLD
+    assert parse_config(old_dump(config), "record") == config
 
 
 @pytest.mark.parametrize("preset", list(Preset))

@@ -77,7 +77,7 @@ class Witness:
 def witness(bus_url):
     """Run a robot that no session owns: it stays when the session has ended."""
     witness = Witness(bus_url)
-    robot = [start_klab("run", name) for name in ("plant", "onboard")]
+    robot = [start_klab("run", name, "--preset", "lab") for name in ("plant", "onboard")]
     try:
         witness.wait(lambda: {"plant", "onboard"} <= witness.pids.keys())
         yield witness

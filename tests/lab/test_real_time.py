@@ -59,6 +59,14 @@ def test_no_process_outlives_the_supervisor(up, ear, number):
     assert {entry.name for entry in lost} == left
 
 
+@pytest.mark.usefixtures("up")
+def test_the_motor_loop_of_a_lab_does_what_its_file_says(tmp_path):
+    folder = tmp_path / "up"
+    said = (folder / "processes" / "onboard.log").read_text()
+    source = folder / "config.yaml"
+    assert said == f"R1 (kinematic), {source}: radio, clock and faults are simulated\n"
+
+
 @pytest.mark.parametrize("victim", STANDING)
 def test_a_process_that_dies_is_named_and_the_others_stop(up, ear, victim, tmp_path):
     process, pids = up

@@ -3,11 +3,13 @@
 import math
 
 import lcm
+from klab import start_klab
 from tests_support import lab_of
 
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.lockstep import Lockstep
+from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
 from koopman_lab.units import US_PER_S
 from offboard.logger.node import LoggerNode
@@ -126,3 +128,25 @@ def test_the_robot_alone_speaks_of_its_wheels_and_its_truth_only():
     assert spoken == {
         *("R1_ENCODER", "R1_PLANT_TRUTH", "R1_PLANT_HEARTBEAT", "R1_LOGGER_HEARTBEAT"),
     }
+
+
+def test_over_udp_the_command_leaves_the_cameras_to_somebody_else(bus_url):
+    """Who hears MOCAP_POSE then hears one speaker only."""
+    listener, poses, truths = Listener(load_config(overrides=[f"bus.url={bus_url}"])), [], []
+    listener.subscribe(channels.MOCAP_POSE, poses.append)
+    listener.subscribe(channels.PLANT_TRUTH, truths.append)
+    plant = start_klab("run", "plant", "--without-cameras", "--url", bus_url)
+    try:
+        silent = 0
+        while len(truths) < 100:
+            silent += not listener.spin(0.1)
+            assert silent < 300, "did not happen in time"
+            frame = lcmtypes.mocap_pose_t()
+            frame.utime = listener.now_us()
+            listener.publish(channels.MOCAP_POSE, frame)
+    finally:
+        plant.terminate()
+        plant.wait()
+        plant.stdout.close()
+    assert poses
+    assert [frame.sequence for frame in poses] == list(range(len(poses)))

@@ -103,7 +103,11 @@ def test_it_is_played_again_to_a_page_of_its_own(folder, bus_url):
 
 
 def test_two_machines(folder, ear):
-    with Terminal("klab run plant", folder) as plant, Terminal("klab run onboard", folder) as board:
+    with (
+        Terminal("klab run plant", folder) as plant,
+        Terminal("klab run onboard --preset lab", folder) as board,
+    ):
+        assert board.until("preset lab: radio, clock and faults are simulated")
         ear.wait_for("plant", "onboard")
         ear.wait(lambda: ear.status is not None)
         assert "MOCAP_POSE" in run("klab topics --once", folder)
@@ -120,13 +124,14 @@ def test_a_robot_that_is_no_part_of_this_software(folder, ear):
         Terminal("klab run onboard --config runs/robot.yaml", folder) as board,
         Terminal("klab topics --config runs/robot.yaml", folder) as topics,
     ):
+        assert board.until("runs/robot.yaml: nothing is simulated")
         ear.wait_for("plant", "onboard")
         ear.wait(lambda: ear.status is not None)
         assert topics.until("ENCODER")
         topics.interrupt()
         run("klab estop", folder)
         run("klab estop --release", folder)
-        line = "klab calibrate --config runs/robot.yaml --out runs/real"
+        line = "klab calibrate --config runs/robot.yaml --preset real --out runs/real"
         run(line, folder, "--segments", "1", *SHORT_RUNS)
         plant.interrupt()
         board.interrupt()

@@ -63,7 +63,7 @@ def test_each_process_in_a_terminal_of_its_own(tmp_path, ear):
     (tmp_path / "runs").mkdir()
     with (
         Terminal("klab run plant --robot kinematic", tmp_path) as plant,
-        Terminal("klab run onboard --robot kinematic", tmp_path) as onboard,
+        Terminal("klab run onboard --robot kinematic --preset lab", tmp_path) as onboard,
         Terminal("klab run logger --robot kinematic --out runs/by-hand", tmp_path) as logger,
     ):
         ear.wait_for("plant", "onboard", "logger")
