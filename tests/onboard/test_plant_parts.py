@@ -47,7 +47,7 @@ def test_a_session_with_the_cameras_of_somebody_else(tmp_path):
     lab = lab_of(config, *robot, LoggerNode(config, log), sampler)
     assert lab.run(300.0)
     lab.close()
-    assert sampler.summary()["complete"]
+    assert sampler.outcome().complete
     poses, truths = {}, {}
     for event in lcm.EventLog(str(log), "r"):
         if event.channel == "R1_MOCAP_POSE":
