@@ -27,9 +27,9 @@ from offboard.lab.run_folder import RunFolder
 from offboard.monitor.process_states import SILENT_S
 from offboard.terminal.output import err
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
+ASKED_BY = (signal.SIGINT, signal.SIGTERM)
 PATIENCE_S = 3.0
-"""Time between these signals."""
+"""Time that a process has to end after each of these signals, before SIGKILL ends it."""
 KILLED = f"killed by SIGKILL, {PATIENCE_S:g} s after SIGTERM and {2 * PATIENCE_S:g} s after SIGINT"
 READY_LIMIT_S = 30.0
 """Importing the solver on a busy board takes seconds."""
@@ -310,11 +310,13 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _stop(child: subprocess.Popen[bytes]) -> bool:
-    """End a process; return whether only SIGKILL did."""
-    for number in SIGNALS:
+    """End a process and wait until it is gone; return whether only SIGKILL did."""
+    for number in ASKED_BY:
         if child.poll() is not None:
             return False
         child.send_signal(number)
         with contextlib.suppress(subprocess.TimeoutExpired):
             child.wait(PATIENCE_S)
-    return child.returncode == -signal.SIGKILL
+    child.kill()
+    # How long the kernel of a busy machine takes for that is no matter of patience.
+    return child.wait() == -signal.SIGKILL

@@ -47,8 +47,30 @@ def test_last_words_that_found_no_room_are_made_up_for(lab, tmp_path, monkeypatc
         processes.check()
 
 
+@pytest.fixture
+def default():
+    """Give a function that makes a signal do what it does by default, until the test ends."""
+    before = {}
+
+    def make(number):
+        before[number] = signal.signal(number, signal.SIG_DFL)
+
+    yield make
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_a_lab_that_was_started_by_nohup_outlives_its_terminal(bus_url, tmp_path, default):
+    default(signal.SIGHUP)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    config = load_config(overrides=[f"bus.url={bus_url}"])
+    with supervised(config, RunFolder(tmp_path), Listener(config)):
+        os.kill(os.getpid(), signal.SIGHUP)
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_the_end_of_the_terminal_ends_a_lab_as_ctrl_c_does(bus_url, tmp_path, number):
+def test_the_end_of_the_terminal_ends_a_lab_as_ctrl_c_does(bus_url, tmp_path, number, default):
+    default(number)
     config = load_config(overrides=[f"bus.url={bus_url}"])
     with (
         pytest.raises(KeyboardInterrupt),
@@ -64,6 +86,8 @@ def test_it_is_said_where_only_sigkill_ended_a_process(bus_url, tmp_path, monkey
     with supervised(config, RunFolder(tmp_path), listener) as processes:
         processes.start("logger")
         os.kill(processes.process("logger"), signal.SIGSTOP)
+        # Of signals that wait together, SIGINT would be the first to be taken.
+        os.waitpid(processes.process("logger"), os.WUNTRACED)
         monkeypatch.setattr(supervisor, "PATIENCE_S", 0.05)
     assert f"logger did not end by itself: {KILLED}" in capsys.readouterr().err
     for _ in range(MOST_WAITS):
