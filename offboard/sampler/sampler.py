@@ -103,6 +103,8 @@ class Sampler:
         self._inputs = {index: (u[0], u[1]) for index, u in settings.indexed_inputs.items()}
         self._body = robot_type(config.robot.kind).on_two_wheels("the sampler")
         self._dt_s = config.controller.dt_s
+        self._watchdog_us = round(config.motor_loop.watchdog_s * US_PER_S)
+        self._stepped_us: int | None = None
         self._velocity = REST
         self._draw = Draw(Pose(0.0, 0.0, 0.0), REST)
         self._launch = Launch(0, (0.0, 0.0))
@@ -129,6 +131,7 @@ class Sampler:
         """
         if self.phase not in (Phase.WAIT, Phase.BRAKE, Phase.DONE):
             self._check(seen, now_us)
+        self._stepped_us = now_us
         # A phase that finds itself at its end hands over within the same step.
         for _ in Phase:
             u = self._act(seen, now_us)
@@ -171,8 +174,17 @@ class Sampler:
             self._give_up("onboard loop or logger silent", now_us)
         elif self.phase is not Phase.BASIS and now_us - self._since_us > limit_us:
             self._give_up("phase took too long", now_us)
+        elif self.phase in (Phase.LAUNCH, Phase.BASIS) and self._is_late(now_us):
+            self._give_up("commands came too late", now_us)
         elif self.phase is Phase.LAUNCH and not self._inside(seen.pose, self._velocity):
             self._give_up("left Z during the launch", now_us)
+
+    def _is_late(self, now_us: int) -> bool:
+        """Return whether the motor loop has heard nothing for so long that it began to brake.
+
+        It may say so only after this step, or never, since this step's command ends it.
+        """
+        return self._stepped_us is not None and now_us - self._stepped_us >= self._watchdog_us
 
     def _inside(self, pose: Pose, velocity: Velocity) -> bool:
         return contains(self._settings.admissible_set, pose, velocity)

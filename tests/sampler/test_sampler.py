@@ -114,6 +114,32 @@ def test_a_silent_logger_or_onboard_loop_brakes_and_the_session_goes_on_afterwar
     assert world.sampler.done == 2
 
 
+LATE = "commands came too late"
+
+
+@pytest.mark.parametrize("phase", [Phase.LAUNCH, Phase.BASIS])
+@pytest.mark.parametrize(("missed", "kept"), [(1, True), (2, False), (9, False)])
+def test_a_run_in_which_the_motor_loop_waited_in_vain_is_drawn_again(phase, missed, kept):
+    """A sampler that a busy machine held up for longer than the watchdog waits."""
+    world = World("dynamic", "sampler.segments_per_basis=1")
+    world.run(lambda a: a.phase is phase)
+    world.now_us += missed * 50_000
+    action = world.step()
+    assert (action.phase is Phase.BRAKE) == (not kept)
+    assert world.sampler.redraws[LATE] == (not kept)
+    world.run(lambda a: a.phase is Phase.DONE)
+    assert world.sampler.done == world.sampler.total
+
+
+@pytest.mark.parametrize("phase", [Phase.ROTATE_TO_TARGET, Phase.DRIVE, Phase.SETTLE])
+def test_on_the_way_to_a_run_late_commands_cost_nothing(phase):
+    world = World("kinematic", "sampler.segments_per_basis=1")
+    world.run(lambda a: a.phase is phase)
+    world.now_us += 9 * 50_000
+    world.run(lambda a: a.phase is Phase.DONE)
+    assert not world.sampler.redraws[LATE]
+
+
 def test_nothing_moves_before_somebody_writes_it_down():
     world = World("kinematic")
     world.ready = False
