@@ -8,6 +8,7 @@ import tempfile
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 # One thread for linear algebra: the tests run side by side on few cores.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -31,9 +32,33 @@ settings.register_profile("lab", deadline=None)
 settings.load_profile("lab")
 
 
+LONGEST_FIRST = (
+    *("test_first_hour.py", "test_real_time.py", "test_bench.py", "test_readme_live.py"),
+    *("test_readme_lines.py", "test_faults_real_time.py"),
+)
+"""Files to begin with, so that the others run beside them and not behind them.
+
+Of these, each test may run in another process: they share nothing, or share it among processes.
+"""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the longest files, so that the others run beside them and not before them."""
-    items.sort(key=lambda item: item.path.name not in ("test_blocks.py", "test_first_hour.py"))
+    """Begin with the longest files."""
+    places = {name: place for place, name in enumerate(LONGEST_FIRST)}
+    items.sort(key=lambda item: places.get(item.path.name, len(places)))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Keep a file in one process, so that what it records once is recorded once."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = super()._split_scope(nodeid)
+            return nodeid if file.endswith(LONGEST_FIRST) else file
+
+    return Scheduling(config, log) if config.getvalue("dist") == "loadfile" else None
 
 
 def pytest_unconfigure() -> None:

@@ -6,59 +6,20 @@ the goal.
 
 import re
 import shlex
-import subprocess
 import urllib.request
-from pathlib import Path
 
 import pytest
-from checkout import checkout
-from klab import ALONE, SHORT_RUNS, klab, klab_ok
+from klab import SHORT_RUNS, klab_ok
+from readme import HOUR, REPLAYS, blocks
 from real_bus import Ear, other
-from terminals import FIRST, HEREDOC, HOUR, LIMIT_S, REPLAYS, Terminal, run
+from terminals import LIMIT_S, Terminal, by_the_shell, run
 
 from koopman_lab.bus.channels import CHANNELS
 from koopman_lab.config.load import load_config
 from offboard.commands.view import free_port
 
 NEAR = ("--start", "-0.1", "0", "0")
-DEMO = "./scripts/demo --lockstep --out runs/demo"
-ELSEWHERE = {
-    "in the first block, by a shell": (DEMO, "source .venv/bin/activate", "klab doctor"),
-    "the bus is the test's": ("export LCM_DEFAULT_URL",),
-    "would run this test within itself": ("./scripts/test",),
-}
-"""Lines that are not typed here one by one, under the reason."""
-
-
-def is_alone(words: list[str]) -> bool:
-    """Return whether a line needs no bus and no process beside it."""
-    return words[0] == "klab" and (words[1] in ALONE or "--lockstep" in words)
-
-
-def by_the_shell(text: str, cwd: Path) -> str:
-    """Let a shell run a text, expect success, return what it printed."""
-    done = subprocess.run(
-        ["bash", "-euc", text], cwd=cwd, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, f"{text}\n{done.stdout}{done.stderr}"
-    return done.stdout
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """Let the first hour pass in a checkout; what needs a lab is left to the tests."""
-    where = tmp_path_factory.mktemp("first-hour")
-    programs = checkout(where)
-    (programs / "activate").write_text(f"PATH={programs}:$PATH\n")
-    block = re.search(r"^```bash\n(.*?)^```", HOUR, re.M | re.S).group(1)
-    assert block.startswith(DEMO)
-    assert "runs/demo" in by_the_shell(block, where)
-    for name, text in HEREDOC.findall(HOUR):
-        (where / name).write_text(text)
-    for words in filter(is_alone, FIRST):
-        done = klab(*words[1:], cwd=where)
-        assert done.returncode == 0, f"{words}\n{done.stderr}"
-    return where
+DEMO = "./scripts/demo --lockstep --out runs/demo\n"
 
 
 @pytest.fixture
@@ -66,21 +27,33 @@ def ear(bus_url):
     return Ear(bus_url)
 
 
-def test_every_block_leaves_what_it_promises(folder):
-    for name in ("demo/model.npz", "mine.npz", "own.npz", "there/session-plot.png"):
-        assert (folder / "runs" / name).exists(), name
+def test_the_first_block_leaves_a_model_and_a_shell_that_knows_klab(readme):
+    folder = readme.with_left("runs/demo")
+    assert (folder / "runs" / "demo" / "model.npz").exists()
+    typed = blocks(HOUR)[0].text
+    assert typed.startswith(DEMO)
+    assert "multicast" in by_the_shell(typed.removeprefix(DEMO), folder)
+
+
+def test_the_other_blocks_leave_what_they_promise(readme):
+    folder = readme.with_left("runs/mine.npz", "runs/own.npz", "runs/own-cost")
+    readme.with_typed("klab log plot runs/there")
+    assert (folder / "runs" / "there" / "session-plot.png").exists()
     printed = klab_ok("model", "info", folder / "runs" / "own.npz")
     assert "sin(theta)" in printed
     config = (folder / "runs" / "own-cost" / "config.yaml").read_text()
     assert "20.0" in config
 
 
-def test_the_demo_calibrates_trains_and_parks_in_real_time(folder):
-    printed = by_the_shell(shlex.join(["./scripts/demo", "--segments", "4", *SHORT_RUNS]), folder)
+def test_the_demo_calibrates_trains_and_parks_in_real_time(readme):
+    printed = by_the_shell(
+        shlex.join(["./scripts/demo", "--segments", "4", *SHORT_RUNS]), readme.checkout
+    )
     assert "camera messages lost" in printed
 
 
-def test_the_page_and_a_first_park(folder, ear):
+def test_the_page_and_a_first_park(readme, ear):
+    folder = readme.with_left("runs/demo/model.npz")
     with Terminal("klab up --view", folder, "--port", str(free_port())) as up:
         assert up.until("http://")
         ear.wait_for("plant", "onboard", "logger")
@@ -93,7 +66,8 @@ def test_the_page_and_a_first_park(folder, ear):
     assert (folder / "runs" / "first-park" / "summary.json").exists()
 
 
-def test_it_is_played_again_to_a_page_of_its_own(folder, bus_url):
+def test_it_is_played_again_to_a_page_of_its_own(readme, bus_url):
+    folder = readme.with_left("runs/there")
     bus, port = ("--url", other(bus_url)), str(free_port())
     with Terminal(f'klab view --url "{REPLAYS}" --port 8766', folder, *bus, "--port", port) as view:
         address = re.search(r"http://\S+?/", view.until("http://")).group()
@@ -102,7 +76,8 @@ def test_it_is_played_again_to_a_page_of_its_own(folder, bus_url):
         view.interrupt()
 
 
-def test_two_machines(folder, ear):
+def test_two_machines(readme, ear):
+    folder = readme.with_left("runs/demo/model.npz")
     with (
         Terminal("klab run plant", folder) as plant,
         Terminal("klab run onboard --preset lab", folder) as board,
@@ -117,8 +92,9 @@ def test_two_machines(folder, ear):
     assert (folder / "runs" / "two-machines" / "summary.json").exists()
 
 
-def test_a_robot_that_is_no_part_of_this_software(folder, ear):
+def test_a_robot_that_is_no_part_of_this_software(readme, ear):
     """Its motors, encoders, and cameras are those of the simulated one."""
+    folder = readme.checkout
     with (
         Terminal("klab run plant", folder) as plant,
         Terminal("klab run onboard --config runs/robot.yaml", folder) as board,
@@ -128,7 +104,7 @@ def test_a_robot_that_is_no_part_of_this_software(folder, ear):
         ear.wait_for("plant", "onboard")
         ear.wait(lambda: ear.status is not None)
         assert topics.until("ENCODER")
-        topics.interrupt()
+        topics.end()  # which it does by itself where nobody looks
         run("klab estop", folder)
         run("klab estop --release", folder)
         line = "klab calibrate --config runs/robot.yaml --preset real --out runs/real"
@@ -138,8 +114,8 @@ def test_a_robot_that_is_no_part_of_this_software(folder, ear):
     assert (folder / "runs" / "real" / "session.lcm").exists()
 
 
-def test_the_file_of_a_real_robot_is_a_configuration(folder):
-    config = load_config(folder / "runs" / "robot.yaml")
+def test_the_file_of_a_real_robot_is_a_configuration(readme):
+    config = load_config(readme.checkout / "runs" / "robot.yaml")
     assert (config.robot.name, config.robot.kind) == ("R1", "kinematic")
 
 
@@ -150,14 +126,3 @@ def test_the_steps_that_are_asked_for_are_there():
     for name in ("MOTOR_CMD", "ENCODER", "MOCAP_POSE", "ONBOARD_STATUS", "ESTOP", "WHEEL_STATE"):
         assert name in {channel.suffix for channel in CHANNELS}
         assert f"`{name}`" in told
-
-
-def test_each_line_is_run_here():
-    source = Path(__file__).read_text().partition("def test_each_line_is_run_here")[0]
-    source = re.sub(r'"\n\s*"', "", source)  # a long line stands in several pieces
-    left = {line for lines in ELSEWHERE.values() for line in lines}
-    for words in FIRST:
-        line = " ".join(words)
-        told = line.replace(REPLAYS, '"{REPLAYS}"')
-        run_here = is_alone(words) or line.startswith(tuple(left)) or told in source
-        assert run_here, f"README: nothing runs `{line}`"

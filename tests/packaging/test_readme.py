@@ -1,15 +1,11 @@
 """What the README tells a person to type exists, with these options."""
 
-from pathlib import Path
-
 import pytest
 import typer
-from terminals import README, words_of
+from readme import LINES, ROOT
 
 from offboard.cli.main import app
 
-ROOT = Path(__file__).parents[2]
-LINES = words_of(README)
 KLAB = [line[1:] for line in LINES if line[0] == "klab"]
 SCRIPTS = [line[0] for line in LINES if line[0].startswith("./")]
 

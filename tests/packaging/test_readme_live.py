@@ -1,18 +1,15 @@
-"""The README's lines behind the first hour that need a lab, a bus or Ctrl-C, in terminals.
-
-Its other lines are run by tests/packaging: test_first_hour.py and test_blocks.py.
-"""
+"""The README's lines behind the first hour that need a lab, a bus or Ctrl-C, in terminals."""
 
 import json
 import re
 import subprocess
 import urllib.request
-from pathlib import Path
 
 import pytest
 from klab import KLAB, MODEL, SHORT_RUNS, klab_ok
+from readme import REPLAYS
 from real_bus import Ear, recorded, tool
-from terminals import ENDED, LATER, LIMIT_S, REPLAYS, Terminal, run, typed
+from terminals import ENDED, LIMIT_S, Terminal, run, typed
 
 from koopman_lab.bus.channels import MOCAP_POSE
 
@@ -44,7 +41,7 @@ def test_a_lab_in_one_terminal_and_what_is_typed_in_another(tmp_path, ear):
             assert park.wait(timeout=LIMIT_S) == 1
         with Terminal("klab topics", tmp_path) as topics:
             assert topics.until("MOCAP_POSE")
-            topics.interrupt()
+            topics.end()  # which it does by itself where nobody looks
         run("klab down", tmp_path)
         assert up.process.wait(timeout=LIMIT_S) in ENDED
 
@@ -112,19 +109,3 @@ def test_a_second_robot_is_calibrated_beside_the_first(tmp_path):
         run(run_of, tmp_path, "--segments", "1", *SHORT_RUNS)
         up.interrupt()
     assert (tmp_path / "runs" / "second-robot" / "session.lcm").exists()
-
-
-SHOWN_BY = (
-    *("klab up", "klab estop", "klab goal", "klab status", "klab down", "klab run", "klab view"),
-    *("klab topics", "klab fault", "klab replay", "lcm-logplayer", "klab calibrate --robot-name"),
-)
-"""Beginnings of the lines that are for this file."""
-
-
-def test_each_such_line_is_run_here():
-    source = Path(__file__).read_text().partition("SHOWN_BY = ")[0]
-    for words in LATER:
-        line = " ".join(words)
-        if line.startswith(SHOWN_BY):
-            told = line.replace(REPLAYS, '"{REPLAYS}"')
-            assert told in source, f"README: `{line}` is run by nothing; run it here"

@@ -6,9 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from offboard.lab.python_process import command
+from readme import ROOT
 
-ROOT = Path(__file__).parents[2]
+from offboard.lab.python_process import command
 
 
 def checkout(where: Path) -> Path:
