@@ -27,6 +27,8 @@ if "KOOPMAN_LAB_CACHE" not in os.environ:
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
+pytest_plugins = ("whole_suite",)
+
 # How long an example takes says how busy the machine is, not whether the code is right.
 settings.register_profile("lab", deadline=None)
 settings.load_profile("lab")
