@@ -48,7 +48,7 @@ def components(x, u, dt_s, m):
 
 
 DEFAULTS = """
-plant: {placement: {position_m: 0.0, angle_rad: 0.0}}
+placement: {position_m: 0.0, angle_rad: 0.0}
 sampler:
   segments_per_basis: 3
   basis_inputs: [[0.2, 0.0, 0.0], [0.0, 0.2, 0.3], [0.1, -0.1, -0.6]]
