@@ -78,13 +78,20 @@ DRIVERS: Registry[Hardware] = Registry(
     "driver",
     "koopman_lab.drivers",
     Hardware,
-    {"plant": Hardware("plant", "onboard.plant.node:PlantNode", "plant")},
+    {"plant": Hardware("plant", "onboard.plant.robot:SimulatedRobot", "plant")},
 )
 CAMERAS: Registry[Hardware] = Registry(
     "camera bridge",
     "koopman_lab.cameras",
     Hardware,
-    {"plant": Hardware("plant", "onboard.plant.node:PlantNode", "plant")},
+    {
+        "plant": Hardware(
+            "plant",
+            "onboard.plant.cameras.watched_robot:CameraBridge",
+            "mocap",
+            needs="`klab run driver --driver plant`",
+        )
+    },
 )
 driver = partial(build_hardware, DRIVERS)
 """Returns the node of a driver, by its name, for a configuration."""

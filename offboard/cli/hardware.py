@@ -42,6 +42,8 @@ def mocap(
 ) -> None:
     """Say where cameras see the robot, in place of those of the plant.
 
+    The plant's own, `--driver plant`, see whom `klab run driver --driver plant` moves.
+
     Example: klab run mocap --driver plant
     """
     lab = options.resolve(config, overrides, robot, preset, url=url, robot_name=robot_name)

@@ -1,0 +1,79 @@
+"""The plant's cameras in a process of their own, beside its motors in another."""
+
+import math
+
+from tests_support import Script
+
+import lcmtypes
+from koopman_lab.bus import channels
+from koopman_lab.bus.hardware import driver, mocap
+from koopman_lab.bus.lockstep import Lockstep
+from koopman_lab.config.load import load_config
+from koopman_lab.config.simulation import Fault
+from koopman_lab.emulation.faults import fault_message
+from onboard.motor_loop.node import OnboardNode
+from onboard.plant.cameras.watched_robot import OLDEST_TRUTH_US, WatchedRobot
+
+
+class Eye:
+    """Keeps what the cameras say, and what is true."""
+
+    name = "eye"
+
+    def __init__(self):
+        self.frames, self.truths = [], []
+
+    def attach(self, port):
+        port.subscribe(channels.MOCAP_POSE, self.frames.append)
+        port.subscribe(channels.PLANT_TRUTH, self.truths.append)
+        port.every(1.0, lambda _: None)
+
+    def close(self):
+        pass
+
+
+def driven(seconds):
+    config, eye = load_config(robot="kinematic", preset="ideal"), Eye()
+    lab = Lockstep(config)
+    robot = driver("plant", config)
+    for node in (robot, mocap("plant", config), OnboardNode(config)):
+        lab.add(node)
+    lab.add(Script(config, (0.3, 0.8)))
+    lab.add(eye)
+    lab.run(seconds)
+    return lab, eye
+
+
+def test_they_see_the_robot_of_the_other_process_at_their_own_rate():
+    _, eye = driven(2.0)
+    assert abs(len(eye.frames) - 480) <= 1
+    truth = {message.utime: message for message in eye.truths}
+    together = [(f, truth[f.utime]) for f in eye.frames if f.utime in truth and f.tracking_valid]
+    assert len(together) >= 30, "every 50 ms the ticks of both coincide"
+    for frame, true in together:
+        assert math.hypot(frame.x1_m - true.x1_m, frame.x2_m - true.x2_m) < 1e-9
+        assert abs(frame.theta_rad - true.theta_rad) < 1e-9
+    x1, x2 = eye.frames[-1].x1_m, eye.frames[-1].x2_m
+    assert math.hypot(x1, x2) > 0.3
+
+
+def test_an_occlusion_of_the_plant_hides_the_robot():
+    lab, eye = driven(0.5)
+    lab.publish(channels.FAULT, fault_message(Fault(kind="occlusion", duration_s=0.2), lab.now_us))
+    lab.run(0.5)
+    lost = [frame.utime for frame in eye.frames if not frame.tracking_valid and frame.utime > 5000]
+    assert abs(len(lost) - 48) <= 3
+    assert eye.frames[-1].tracking_valid
+
+
+def test_who_is_told_nothing_or_nothing_new_sees_nothing():
+    robot, truth = WatchedRobot(), lcmtypes.plant_truth_t()
+    assert robot.hidden()
+    truth.utime = 1_000_000
+    robot._on_truth(truth)
+    for age_us in (-OLDEST_TRUTH_US, 0, OLDEST_TRUTH_US):
+        robot.advance(truth.utime + age_us)
+        assert not robot.hidden()
+    for age_us in (-OLDEST_TRUTH_US - 1, OLDEST_TRUTH_US + 1):
+        robot.advance(truth.utime + age_us)
+        assert robot.hidden()
