@@ -9,14 +9,14 @@ from koopman_lab.config.values import Section
 S = TypeVar("S", bound=Section)
 
 
-def changed(section_or_lab: S, section: str, **changes: Any) -> S:
+def changed(config: S, section: str, **changes: Any) -> S:
     """Return the configuration with other values in one of its sections.
 
     The values are taken as they are: who changes them in code knows what is allowed.
 
     Parameters
     ----------
-    section_or_lab
+    config
         The lab, or one of its sections.
     section
         Name of a section in it, such as ``controller`` or ``simulation.plant``.
@@ -24,6 +24,6 @@ def changed(section_or_lab: S, section: str, **changes: Any) -> S:
         Values by their keys in the section.
     """
     first, _, rest = section.partition(".")
-    inner: Section = getattr(section_or_lab, first)
+    inner: Section = getattr(config, first)
     other = changed(inner, rest, **changes) if rest else inner.model_copy(update=changes)
-    return section_or_lab.model_copy(update={first: other})
+    return config.model_copy(update={first: other})

@@ -1,1 +1,1 @@
-"""What a stand-in for a robot adds to a port: radio, board clock, wires, faults on demand."""
+"""What a stand-in for a robot adds to a port: radio, board clock, faults on demand."""

@@ -24,6 +24,7 @@ PARTS = {
     "onboard/plant": "motors, body, encoders",
     "onboard/motor_loop": "motor loop",
     "koopman_lab/bus": "runner",
+    "koopman_lab/emulation": "radio, board clock",
     "lcmtypes": "encoding and decoding",
     "offboard": "commander",
 }
