@@ -232,7 +232,7 @@ def _compiler(lab: LabConfig) -> Iterator[Finding]:
     )
 
 
-def _factory_fault(table: Registry[Any], name: str) -> str:
+def _part_fault(table: Registry[Any], name: str) -> str:
     """Return what is wrong with what a usable row refers to; empty if nothing is."""
     row = table.get(name)
     try:
@@ -241,6 +241,12 @@ def _factory_fault(table: Registry[Any], name: str) -> str:
     except PluginError as error:
         return str(error)
     return ""
+
+
+def _described(table: Registry[Any], name: str) -> str:
+    """Return which row it is, and what it needs if it says so in words."""
+    needs = getattr(table.get(name), "needs", "")
+    return table.origin(name) + (f", needs {needs}" if needs and isinstance(needs, str) else "")
 
 
 def _plug_ins(lab: LabConfig) -> Iterator[Finding]:
@@ -257,7 +263,7 @@ def _plug_ins(lab: LabConfig) -> Iterator[Finding]:
     for table in tables:
         faults = table.faults()
         for name in sorted({*table.others(), *faults}):
-            fault = faults.get(name) or _factory_fault(table, name)
-            yield Finding("plug-in", fault or table.origin(name), not fault, bad="BROKEN")
+            fault = faults.get(name) or _part_fault(table, name)
+            yield Finding("plug-in", fault or _described(table, name), not fault, bad="BROKEN")
     for fault in channel_faults().values():
         yield Finding("plug-in", fault, good=False, bad="BROKEN")

@@ -45,7 +45,7 @@ CASES = {
     ),
     "cost": (
         ("park", "--model", "{runs}/model.npz", "--lockstep", "--cost", "nothing"),
-        ("controller.cost", "found 'nothing'"),
+        ("unknown cost 'nothing', known: me, ce, ds",),
     ),
     "goal off the floor": (
         ("park", "--model", "{runs}/model.npz", "--lockstep", "--goal", "30", "0", "0"),

@@ -199,7 +199,7 @@ BROKEN_ROWS = {
     },
     "koopman_lab.drivers": {"motors": "broken:MOTORS"},
     "koopman_lab.cameras": {"eyes": "no_such_module:ROW"},
-    "koopman_lab.robots": {"omni": "no_such_module:ROW"},
+    "koopman_lab.robots": {"omni": "no_such_module:ROW", "kinematic": "no_such_module:ROW"},
     "koopman_lab.costs": {"huber": "no_such_module:ROW", "ds": "stranger_models:FOURTH"},
     "koopman_lab.predictors": {"resnet": "no_such_module:ROW"},
 }
@@ -230,6 +230,11 @@ def broken(tmp_path_factory):
         (("run", "old"), ("node 'old' of the package klab-old is for koopman-lab>=99",)),
         (("run", "driver", "--driver", "motors"), (f"driver 'motors' {OF}", NO_MODULE)),
         (("run", "mocap", "--driver", "eyes"), (f"camera bridge 'eyes' {OF}", NO_MODULE)),
+        (("run", "onboard", "--robot", "omni"), (f"robot 'omni' {OF}", NO_MODULE)),
+        (
+            ("run", "onboard", "--robot", "kinematic"),
+            ("robot 'kinematic' is in koopman-lab and in klab-stranger",),
+        ),
         ((*PARK, "huber"), (f"cost 'huber' {OF}", NO_MODULE)),
         ((*PARK, "ds"), ("cost 'ds' is in koopman-lab and in klab-stranger",)),
         (("train", "absent", "--predictor", "resnet"), (f"predictor 'resnet' {OF}", NO_MODULE)),
@@ -248,6 +253,7 @@ def test_what_does_not_fit_is_one_message(command, said, broken, monkeypatch, tm
 
 
 def test_whoever_asks_for_nothing_that_is_broken_does_not_notice(broken, monkeypatch, bus_url):
+    """Nor does a robot whose name a package has taken: least of all an emergency stop."""
     path_of(broken, monkeypatch)
     listing = run("run", "--help")
     assert listing.returncode == 0
@@ -272,9 +278,10 @@ def test_the_doctor_names_everything_that_is_broken(broken, monkeypatch):
     assert done.returncode == 2
     lines = [line for line in done.stdout.splitlines() if line.startswith("plug-in: BROKEN")]
     nodes = ("absent", "later", "pacer", "twice", "old")
-    for name in (*nodes, "motors", "eyes", "omni", "huber", "ds", "resnet"):
+    for name in (*nodes, "motors", "eyes", "omni", "kinematic", "huber", "ds", "resnet"):
         assert any(f"'{name}' " in line for line in lines), name
-    assert "plug-in: ok (node 'lonely' of the package klab-stranger)" in done.stdout.splitlines()
+    lines = done.stdout.splitlines()
+    assert "plug-in: ok (node 'lonely' of the package klab-stranger)" in lines
 
 
 def test_the_command_line_starts_without_a_look_at_other_packages():
