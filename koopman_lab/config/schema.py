@@ -272,8 +272,8 @@ class LabConfig(Section):
     @model_validator(mode="after")
     def _fits_the_robot(self) -> LabConfig:
         require_fit(self, robot_type(self.robot.kind))
-        # Others' costs may have weights of their own, which are asked for where they are built.
-        cost_is_ours = self.controller.cost in COSTS.own_names()
-        if cost_is_ours and self.controller.cost not in self.controller.weights:
-            raise ValueError(f"controller.weights lacks the cost {self.controller.cost!r}")
+        # Whether a cost of another package has weights of its own, it is asked where it is built.
+        cost = COSTS.own(self.controller.cost)
+        if cost is not None and not cost.weights and cost.name not in self.controller.weights:
+            raise ValueError(f"controller.weights lacks the cost {cost.name!r}")
         return self
