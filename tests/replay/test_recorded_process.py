@@ -85,7 +85,9 @@ def test_what_cannot_be_run_again_is_refused_in_words(events, words):
 
 def test_types_that_nobody_asked_for_may_be_of_any_version():
     events = [*beats(), Event(9, START_US + 3 * US_PER_S, ENCODER.name("R1"), bytes(40))]
-    assert recorded_process("sampler", CONFIG, events) == RecordedProcess(START_US, 4711)
+    assert recorded_process("sampler", CONFIG, events) == RecordedProcess(
+        START_US, 4711, simulated=False
+    )
     assert unreadable_channels(CONFIG, events) == {"R1_ENCODER": 1}
     damaged = [*events, Event(10, START_US, HEARTBEATS["sampler"].name("R1"), b"?")]
     assert unreadable_channels(CONFIG, damaged) == {"R1_ENCODER": 1}
