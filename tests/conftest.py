@@ -34,14 +34,16 @@ settings.register_profile("lab", deadline=None)
 settings.load_profile("lab")
 
 
-LONGEST_FIRST = (
-    *("test_first_hour.py", "test_real_time.py", "test_bench.py", "test_readme_live.py"),
-    *("test_readme_lines.py", "test_faults_real_time.py"),
+SPREAD = (
+    *("test_first_hour.py", "test_real_time.py", "test_bench.py", "test_room_readmes.py"),
+    *("test_readme_live.py", "test_readme_lines.py", "test_faults_real_time.py"),
 )
-"""Files to begin with, so that the others run beside them and not behind them.
+"""Files of long tests, each of which may run in another process than the others of its file.
 
-Of these, each test may run in another process: they share nothing, or share it among processes.
+They share nothing, or share it among processes.
 """
+LONGEST_FIRST = ("test_base_installation.py", *SPREAD)
+"""Files to begin with, so that the others run beside them and not behind them."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -58,7 +60,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     class Scheduling(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
             file = super()._split_scope(nodeid)
-            return nodeid if file.endswith(LONGEST_FIRST) else file
+            return nodeid if file.endswith(SPREAD) else file
 
     return Scheduling(config, log) if config.getvalue("dist") == "loadfile" else None
 

@@ -36,7 +36,7 @@ def sources() -> str:
 def is_typed_elsewhere(words: list[str], text: str) -> bool:
     """Return whether a text types this line, neither more nor less of it."""
     line = " ".join(words).replace(REPLAYS, '"{REPLAYS}"')
-    return re.search(rf"""(["'\n]){re.escape(line)}\1""", text) is not None
+    return re.search(rf"""(["']){re.escape(line)}\1""", text) is not None
 
 
 TEXT = sources()
