@@ -1,4 +1,4 @@
-"""The page in a real browser, for who asks what a person sees of it."""
+"""Opens the page in a real browser, to measure what a person sees."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def browser() -> Iterator[Any]:
         yield None
         return
     with sync_playwright() as play:
-        found = play.chromium.launch(executable_path=chromium, args=FLAGS)
-        yield found
-        found.close()
+        launched = play.chromium.launch(executable_path=chromium, args=FLAGS)
+        yield launched
+        launched.close()
 
 
 def visit(page: Any, address: str) -> None:

@@ -10,12 +10,12 @@ import typer
 
 from koopman_lab.robots.dynamic import DYNAMIC
 from koopman_lab.robots.kinematic import KINEMATIC
-from offboard.bench.dataset import dataset
-from offboard.bench.edmd import edmd
-from offboard.bench.lockstep import lockstep
+from offboard.bench.dataset_time import dataset
+from offboard.bench.fit_cost import edmd
+from offboard.bench.lockstep_speed import lockstep
+from offboard.bench.page_cost import view
 from offboard.bench.parks import parks
 from offboard.bench.stop import stop
-from offboard.bench.view import view
 from offboard.terminal import options
 from offboard.terminal.choices import Commands
 from offboard.terminal.needs import needs
@@ -54,24 +54,24 @@ def realtime(
 
     Example: klab bench realtime --minutes 2
     """
-    from offboard.bench.realtime import as_table, measure, stolen_s
-    from offboard.bench.session import MORE_THAN_ENOUGH
+    from offboard.bench.driven_lab import MORE_THAN_ENOUGH
+    from offboard.bench.tick_regularity import as_table, measure, stolen_s
     from offboard.lab.run_folder import new_folder
-    from offboard.lab.session import keeping_the_log
+    from offboard.lab.session_runner import keeping_the_log
 
-    wanted = [f"sampler.segments_per_basis={MORE_THAN_ENOUGH}", *(overrides or ())]
-    lab = options.resolve(config, wanted, robot, preset, url=url)
+    changes = [f"sampler.segments_per_basis={MORE_THAN_ENOUGH}", *(overrides or ())]
+    lab = options.resolve(config, changes, robot, preset, url=url)
     listener = options.listen(lab)
     run = new_folder(folder, "realtime", lab)
     seconds, stolen_before_s = 60.0 * minutes, stolen_s()
     with keeping_the_log(run), progress("driving", "s") as report:
-        found = measure(lab, run, listener, seconds, lambda s: report(round(s), round(seconds)))
+        pacings = measure(lab, run, listener, seconds, lambda s: report(round(s), round(seconds)))
     stolen = None if stolen_before_s is None else (stolen_s() or 0.0) - stolen_before_s
     if as_json:
-        rows = {name: row._asdict() for name, row in found.items()}
+        rows = {name: row._asdict() for name, row in pacings.items()}
         out.print_json(json.dumps({"stolen_cpu_s": stolen} | rows))
         return
-    out.print(as_table(found, lab.motor_loop.rate_hz))
+    out.print(as_table(pacings, lab.motor_loop.rate_hz))
     if stolen is not None:
         out.print(f"CPU time that a host took from this machine meanwhile: {stolen:.2f} s")
 
@@ -95,27 +95,27 @@ def logger(
 
     Example: klab bench logger --minutes 1 --camera-rate-hz 2400
     """
-    from offboard.bench import logger as bench_logger
-    from offboard.bench.session import MORE_THAN_ENOUGH
+    from offboard.bench import logger_comparison
+    from offboard.bench.driven_lab import MORE_THAN_ENOUGH
     from offboard.lab.run_folder import new_folder
-    from offboard.lab.session import keeping_the_log
+    from offboard.lab.session_runner import keeping_the_log
 
-    wanted = [
+    changes = [
         f"sampler.segments_per_basis={MORE_THAN_ENOUGH}",
         f"mocap.rate_hz={camera_rate_hz}",
         *(overrides or ()),
     ]
-    lab = options.resolve(config, wanted, robot, url=url)
+    lab = options.resolve(config, changes, robot, url=url)
     listener = options.listen(lab)
     run, seconds = new_folder(folder, "logger", lab), 60.0 * minutes
     with keeping_the_log(run), progress("recording", "s") as report:
-        found = bench_logger.measure(
+        measured = logger_comparison.measure(
             lab, run, listener, seconds, lambda s: report(round(s), round(seconds))
         )
     if as_json:
-        out.print_json(json.dumps({name: row._asdict() for name, row in found.items()}))
+        out.print_json(json.dumps({name: row._asdict() for name, row in measured.items()}))
     else:
-        out.print(bench_logger.as_table(found, camera_rate_hz, seconds))
+        out.print(logger_comparison.as_table(measured, camera_rate_hz, seconds))
 
 
 @app.command()
@@ -133,16 +133,16 @@ def motor(
 
     Example: klab bench motor --preset harsh --out runs/motor
     """
-    from offboard.bench.motor import as_table, figures_of_merit, responses
+    from offboard.bench.motor_responses import as_table, figures_of_merit, responses
 
     kinematic = options.resolve(config, overrides, KINEMATIC.name, preset)
     dynamic = options.resolve(config, overrides, DYNAMIC.name, preset)
-    found = responses(kinematic, dynamic)
-    merit = figures_of_merit(found)
+    curves = responses(kinematic, dynamic)
+    merit = figures_of_merit(curves)
     if figure is not None:
         from koopman_lab.figures.motor import draw_responses
 
-        draw_responses(figure, found)
+        draw_responses(figure, curves)
         err.print(f"figure: {figure.with_suffix('.png')}")
     if as_json:
         out.print_json(json.dumps(merit))
@@ -168,11 +168,11 @@ def faults(
     """
     from dataclasses import asdict
 
-    from offboard.bench.faults.table import as_table, suffer_all
+    from offboard.bench.faults.fault_rows import as_table, run_scenarios
 
     lab = options.resolve(config, overrides, robot, preset)
     with progress("trying", "faults") as report:
-        rows = suffer_all(lab, only, report)
+        rows = run_scenarios(lab, only, report)
     if as_json:
         out.print_json(json.dumps([asdict(row) for row in rows]))
     else:
@@ -204,23 +204,23 @@ def ocp(
     """
     from dataclasses import asdict
 
-    from offboard.bench import ocp as bench_ocp
+    from offboard.bench import ocp_comparison
     from offboard.bench.ocp_solvers import has_do_mpc
     from offboard.bench.ocp_table import as_table, remarks
-    from offboard.bench.realtime import stolen_s
+    from offboard.bench.tick_regularity import stolen_s
 
     stolen_before_s = stolen_s()
-    rows: list[bench_ocp.Row] = []
-    with bench_ocp.trained(models) as trained, progress("ocp") as report:
+    rows: list[ocp_comparison.Row] = []
+    with ocp_comparison.trained(models) as trained, progress("ocp") as report:
         for model in trained:
             lab = options.resolve(
                 config, [f"controller.dt_s={model.dt_s}", *(overrides or ())], model.robot.name
             )
-            count = min(states, bench_ocp.QUICK) if quick else states
-            for row in bench_ocp.compare(lab, model, count):
+            count = min(states, ocp_comparison.QUICK) if quick else states
+            for row in ocp_comparison.compare(lab, model, count):
                 rows.append(row)
                 what = f"{row.problem}, {row.model}, {row.solver}"
-                report(len(rows), bench_ocp.rows_of(trained), what)
+                report(len(rows), ocp_comparison.rows_of(trained), what)
     if not has_do_mpc():
         err.print("do-mpc is not installed and has no rows; pip install 'koopman-lab[bench]'")
     stolen = None if stolen_before_s is None else (stolen_s() or 0.0) - stolen_before_s

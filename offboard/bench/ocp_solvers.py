@@ -1,4 +1,4 @@
-"""The same optimal control problem in the words of several solvers, ready for a clock."""
+"""One optimal control problem put to several solvers, so that each can be timed."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ def has_do_mpc() -> bool:
 
 def makers() -> dict[str, Maker]:
     """Return what makes each solver that there is, by its name in the rows."""
-    found: dict[str, Maker] = {"ours": _ours, "ipopt": _ipopt}
-    return found | ({"do-mpc": _DoMpc} if has_do_mpc() else {})
+    table: dict[str, Maker] = {"ours": _ours, "ipopt": _ipopt}
+    return table | ({"do-mpc": _DoMpc} if has_do_mpc() else {})
 
 
-def own_solver(
+def lab_solver(
     lab: LabConfig,
     prediction: PredictionModel,
     cost: StageCost,
@@ -82,8 +82,8 @@ def own_solver(
     )
 
 
-class _Own:
-    """A solver behind our interface."""
+class _LabCandidate:
+    """A solver behind the interface of this package."""
 
     def __init__(self, solver: Solver) -> None:
         self._solver = solver
@@ -99,12 +99,12 @@ class _Own:
 
 
 def _ours(lab: LabConfig, prediction: PredictionModel, cost: StageCost) -> Candidate:
-    return _Own(own_solver(lab, prediction, cost))
+    return _LabCandidate(lab_solver(lab, prediction, cost))
 
 
 def _ipopt(lab: LabConfig, prediction: PredictionModel, cost: StageCost) -> Candidate:
     """Return the paper's solver: unrolled, default options, the objective as it is."""
-    return _Own(own_solver(lab, prediction, cost, "ipopt", IPOPT_ITERATIONS, scaled=False))
+    return _LabCandidate(lab_solver(lab, prediction, cost, "ipopt", IPOPT_ITERATIONS, scaled=False))
 
 
 class _DoMpc:
@@ -114,12 +114,12 @@ class _DoMpc:
         with warnings.catch_warnings():
             # do-mpc warns of optional parts that are not installed, CasADi of do-mpc's calls.
             warnings.simplefilter("ignore")
-            self._mpc = self._made(lab, prediction, cost)
+            self._mpc = self._build(lab, prediction, cost)
         self._horizon = lab.controller.horizon
         self._rollout = Rollout(prediction, cost, self._horizon)
 
     @staticmethod
-    def _made(lab: LabConfig, prediction: PredictionModel, cost: StageCost) -> Any:
+    def _build(lab: LabConfig, prediction: PredictionModel, cost: StageCost) -> Any:
         import casadi as ca
         import do_mpc
 

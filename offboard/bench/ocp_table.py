@@ -1,11 +1,11 @@
-"""How the comparison of solvers is shown to a person."""
+"""The comparison of solvers as a table and as sentences."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from offboard.bench.ocp import NOTICEABLE, Row
+from offboard.bench.ocp_comparison import NOTICEABLE, Row
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -1,4 +1,4 @@
-"""A node that shows what the machine does to a process that only waits."""
+"""A node that only ticks, to show how regularly this machine wakes a process."""
 
 from __future__ import annotations
 

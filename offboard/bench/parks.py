@@ -101,8 +101,10 @@ def parks(
         "nominal": (lab, nominal),
     }
     with progress("parking") as report:
-        found = park_all(controllers, starts(lab, runs), lambda done, of: report(done, of, "runs"))
-    rows = [summarise(name, ends) for name, ends in found.items()]
+        outcomes = park_all(
+            controllers, starts(lab, runs), lambda done, total: report(done, total, "runs")
+        )
+    rows = [summarise(name, ends) for name, ends in outcomes.items()]
     if as_json:
         out.print_json(json.dumps([asdict(row) for row in rows]))
         return
@@ -159,8 +161,8 @@ def park_once(
     with tempfile.TemporaryDirectory() as folder:
         log = LoggerNode(placed, Path(folder) / "session.lcm")
         nodes.add_robot(lab, placed)
-        for each in (log, node, witness):
-            lab.add(each)
+        for node_or_witness in (log, node, witness):
+            lab.add(node_or_witness)
         try:
             lab.run(config.controller.time_limit_s + AFTER_LIMIT_S)
         finally:

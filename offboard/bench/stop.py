@@ -87,7 +87,7 @@ def stop(
     Example: klab bench stop --presses 10 --model runs/model.npz
     """
     from offboard.lab.run_folder import new_folder
-    from offboard.lab.session import keeping_the_log
+    from offboard.lab.session_runner import keeping_the_log
 
     kind = robot
     if model is not None:
@@ -102,13 +102,13 @@ def stop(
     listener = options.listen(lab)
     run = new_folder(folder, "stop", lab)
     with keeping_the_log(run), progress("pressing", "stops") as report:
-        found = _press(lab, run, listener, presses, model, report)
+        stops = _press(lab, run, listener, presses, model, report)
     if as_json:
-        out.print_json(json.dumps([one._asdict() for one in found]))
+        out.print_json(json.dumps([press._asdict() for press in stops]))
     else:
-        out.print(_table(found, lab.robot.kind))
-        soon = sum(one.stood_ms <= SOON_MS for one in found)
-        out.print(f"{soon} of {len(found)} stood within {SOON_MS} ms")
+        out.print(_table(stops, lab.robot.kind))
+        soon = sum(press.stood_ms <= SOON_MS for press in stops)
+        out.print(f"{soon} of {len(stops)} stood within {SOON_MS} ms")
 
 
 def _press(
@@ -129,7 +129,7 @@ def _press(
     from offboard.commands.view import HOST, free_port
     from offboard.lab.supervisor import start_missing, supervised
 
-    wheels, found = StopTimer(listener), list[Stop]()
+    timer, stops = StopTimer(listener), list[Stop]()
     rng = np.random.default_rng(config.seed)
     with contextlib.ExitStack() as stack:
         lab = stack.enter_context(supervised(config, folder, listener))
@@ -150,53 +150,53 @@ def _press(
         if model is not None:
             begin = itertools.cycle(starts(config, MOST_STARTS))
             drive = Parks(lab, config, listener, model, begin)
-        while len(found) < presses:
+        while len(stops) < presses:
             drive.begin()
             # One that has parked before the press is sent off again.
-            under_way = wheels.turn(int(rng.integers(FEWEST_TURNS, drive.most_turns)))
-            v, omega = wheels.speeds
-            by = WAYS[len(found) % len(WAYS)]
+            under_way = timer.turn(int(rng.integers(FEWEST_TURNS, drive.most_turns)))
+            v, omega = timer.speeds
+            by = WAYS[len(stops) % len(WAYS)]
             if by == BUTTON:
                 page.locator("#stop").click()
             else:
                 page.keyboard.press("Space")
             pressed_us = round(page.evaluate("window.pressed") * US_PER_MS)
-            zero_us, stood_us = wheels.stop_after(pressed_us)
+            zero_us, stood_us = timer.stop_after(pressed_us)
             if under_way:
-                found.append(Stop(by, v, omega, zero_us / US_PER_MS, stood_us / US_PER_MS))
-                report(len(found), presses)
+                stops.append(Stop(by, v, omega, zero_us / US_PER_MS, stood_us / US_PER_MS))
+                report(len(stops), presses)
             # Until then the page goes on to stop the robot.
             page.locator(CONFIRMED).wait_for()
             drive.end()
-            _release(listener, wheels)
+            _release(listener, timer)
             lab.check()
-    return found
+    return stops
 
 
-def _release(listener: Listener, wheels: StopTimer) -> None:
+def _release(listener: Listener, timer: StopTimer) -> None:
     from koopman_lab.errors import LabStateError
     from offboard.desk.orders import WAIT_S, stop_order
 
-    order = stop_order(lambda: wheels.status, release=True)
+    order = stop_order(lambda: timer.status, release=True)
     while (obeyed := order.step(listener)) is None:
         listener.spin(WAIT_S)
     if not obeyed:
         raise LabStateError("the motor loop does not confirm the release; see its process log")
 
 
-def _table(found: list[Stop], kind: str) -> Table:
+def _table(stops: list[Stop], kind: str) -> Table:
     import numpy as np
     from rich.table import Table
 
     table = Table("ms", title=f"STOP on the page, {kind} robot")
     for column in ("presses", "p50", "p99", "max"):
         table.add_column(column, justify="right")
-    slow = [one for one in found if abs(one.v_m_per_s) <= SLOW_M_PER_S]
+    slow = [press for press in stops if abs(press.v_m_per_s) <= SLOW_M_PER_S]
     rows = [
-        *((f"{by}: motors at zero", [s.zero_ms for s in found if s.by == by]) for by in WAYS),
-        *((f"{by}: wheels stand", [s.stood_ms for s in found if s.by == by]) for by in WAYS),
+        *((f"{by}: motors at zero", [s.zero_ms for s in stops if s.by == by]) for by in WAYS),
+        *((f"{by}: wheels stand", [s.stood_ms for s in stops if s.by == by]) for by in WAYS),
         (f"wheels stand, from at most {SLOW_M_PER_S:g} m/s", [s.stood_ms for s in slow]),
-        ("wheels stand, from more", [s.stood_ms for s in found if s not in slow]),
+        ("wheels stand, from more", [s.stood_ms for s in stops if s not in slow]),
     ]
     for what, values in rows:
         spread = np.percentile(values, [50, 99, 100]).tolist() if values else ()

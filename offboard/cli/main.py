@@ -10,19 +10,19 @@ from offboard.cli import run
 from offboard.commands import log
 from offboard.commands.calibrate import calibrate
 from offboard.commands.compare import compare
-from offboard.commands.data import dataset, figure
+from offboard.commands.data import dataset_commands, figure
 from offboard.commands.data import model_info as model
-from offboard.commands.data.train import train
+from offboard.commands.data.train_model import train
 from offboard.commands.data.validate import validate
 from offboard.commands.demo import demo
 from offboard.commands.doctor import doctor
+from offboard.commands.drive_reference import reference
 from offboard.commands.estop import estop
 from offboard.commands.fault import fault
 from offboard.commands.goal import goal
 from offboard.commands.park import park
-from offboard.commands.reference import reference
-from offboard.commands.replay import replay
-from offboard.commands.rerun import rerun
+from offboard.commands.replay_log import replay
+from offboard.commands.rerun_node import rerun
 from offboard.commands.simulate import simulate
 from offboard.commands.status import down, status
 from offboard.commands.studies import study
@@ -51,7 +51,7 @@ for command in COMMANDS:
     app.command()(command)
 app.add_typer(run.app, name="run")
 app.add_typer(log.app, name="log")
-app.add_typer(dataset.app, name="dataset")
+app.add_typer(dataset_commands.app, name="dataset")
 app.add_typer(model.app, name="model")
 app.add_typer(figure.app, name="figure")
 app.add_typer(bench.app, name="bench")

@@ -23,15 +23,15 @@ class NodeGroup(TyperGroup):
         """Return the names of all nodes."""
         from koopman_lab.bus.processes import PROCESSES
 
-        own = super().list_commands(ctx)
-        return [*own, *(name for name in PROCESSES.others() if name not in own)]
+        names = super().list_commands(ctx)
+        return [*names, *(name for name in PROCESSES.others() if name not in names)]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return the command of a node; None if there is no such node."""
         from koopman_lab.bus.processes import PROCESSES
 
-        own = super().get_command(ctx, cmd_name)
-        return _command(cmd_name) if own is None and cmd_name in PROCESSES.others() else own
+        command = super().get_command(ctx, cmd_name)
+        return _command(cmd_name) if command is None and cmd_name in PROCESSES.others() else command
 
 
 def _command(name: str) -> Any:

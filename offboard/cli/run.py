@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from koopman_lab.bus.processes import PROCESSES, build
-from offboard.cli.hardware import driver, mocap
 from offboard.cli.node_group import NodeGroup
+from offboard.cli.run_hardware import driver, mocap
 from offboard.commands.view import HOST, PORT, Host, Port, listen, serve, token_for
 from offboard.terminal import options
 from offboard.terminal.choices import Commands
@@ -29,7 +29,7 @@ app = Commands(
 Run = TypeVar("Run", bound=Callable[..., None])
 
 
-def _runs(function: Run) -> Run:
+def _command_of_process(function: Run) -> Run:
     """Make a function the command of the process in the table that has its name."""
     row = PROCESSES.own(function.__name__)
     assert row is not None, function.__name__
@@ -47,7 +47,7 @@ TickTimesFile = Annotated[
 ]
 
 
-@_runs
+@_command_of_process
 def plant(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
@@ -71,7 +71,7 @@ def plant(
     run_node(build("plant", lab, cameras=not without_cameras), lab, lifeline_fd=lifeline_fd)
 
 
-@_runs
+@_command_of_process
 def onboard(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
@@ -94,17 +94,17 @@ def onboard(
     lab = options.resolve(config, overrides, robot, preset, url=url, robot_name=robot_name)
     source = f"preset {preset.value}" if config is None else f"preset {preset.value} and {config}"
     # A lab's file says all that the preset does.
-    err.print(_said(lab, source if lifeline_fd is None else str(config)), markup=False)
+    err.print(_preset_line(lab, source if lifeline_fd is None else str(config)), markup=False)
     _run_timed(build("onboard", lab), lab, tick_times, lifeline_fd, emulated_board(lab))
 
 
-def _said(lab: LabConfig, source: str) -> str:
+def _preset_line(lab: LabConfig, source: str) -> str:
     """Return in words whose motor loop this is, by what, and whether anything is simulated."""
     simulated = "nothing is" if lab.simulation is None else "radio, clock and faults are"
     return f"{lab.robot.name} ({lab.robot.kind}), {source}: {simulated} simulated"
 
 
-@_runs
+@_command_of_process
 def pacer(
     config: options.ConfigFile = None,
     tick_times: TickTimesFile = None,
@@ -118,7 +118,7 @@ def pacer(
     _run_timed(build("pacer", lab), lab, tick_times, lifeline_fd)
 
 
-@_runs
+@_command_of_process
 def slalom(config: options.ConfigFile = None, lifeline_fd: options.Lifeline = None) -> None:
     """Drive the robot along a weave for good, so that a bench has something to stop.
 
@@ -147,11 +147,11 @@ def _run_timed(
         times.save(file)
 
 
-_runs(driver)
-_runs(mocap)
+_command_of_process(driver)
+_command_of_process(mocap)
 
 
-@_runs
+@_command_of_process
 def logger(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
@@ -159,7 +159,7 @@ def logger(
     robot_name: options.RobotsName = None,
     url: options.Url = None,
     out: options.Out = None,
-    into: Annotated[Path | None, typer.Option("--folder", hidden=True)] = None,
+    run_folder: Annotated[Path | None, typer.Option("--folder", hidden=True)] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on behind the log that DIR holds.")
     ] = False,
@@ -174,13 +174,13 @@ def logger(
     from offboard.lab.run_folder import RunFolder, new_folder
 
     lab = options.resolve(config, overrides, robot, url=url, robot_name=robot_name)
-    if into is None and out is not None and resume:
-        into = out
-    folder = RunFolder(into) if into is not None else new_folder(out, "log", lab)
+    if run_folder is None and out is not None and resume:
+        run_folder = out
+    folder = RunFolder(run_folder) if run_folder is not None else new_folder(out, "log", lab)
     run_node(nodes.logger(lab, folder, resume=resume), lab, lifeline_fd=lifeline_fd)
 
 
-@_runs
+@_command_of_process
 def sampler(
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
@@ -202,7 +202,7 @@ def sampler(
     """
     from offboard.lab.calibration import Calibration
     from offboard.lab.run_folder import RunFolder
-    from offboard.lab.session import run_process
+    from offboard.lab.session_runner import run_process
 
     lab = options.resolve(
         config, overrides, robot, preset, seed=seed, url=url, robot_name=robot_name
@@ -211,7 +211,7 @@ def sampler(
     run_process(session, lab, result, lifeline_fd)
 
 
-@_runs
+@_command_of_process
 def reference(
     shape: options.ReferenceShape,
     config: options.ConfigFile = None,
@@ -228,14 +228,14 @@ def reference(
     Example: klab run reference --shape square --robot dynamic
     """
     from offboard.lab.reference_runs import ReferenceRuns
-    from offboard.lab.session import run_process
+    from offboard.lab.session_runner import run_process
     from offboard.reference.shapes import Shape
 
     lab = options.resolve(config, overrides, robot, preset, url=url, robot_name=robot_name)
     run_process(ReferenceRuns(Shape[shape.value.upper()]), lab, result, lifeline_fd)
 
 
-@_runs
+@_command_of_process
 @needs("desk")
 def controller(
     model: options.ModelFile,
@@ -253,14 +253,14 @@ def controller(
 
     Example: klab run controller --model runs/model.npz --goal 0.5 0 90
     """
-    from offboard.lab.parking import Parking
-    from offboard.lab.session import run_process
+    from offboard.lab.parking_run import Parking
+    from offboard.lab.session_runner import run_process
 
     lab = options.resolve(config, overrides, robot, preset, url=url, robot_name=robot_name)
-    run_process(Parking(model, options.pose_of(goal)), lab, result, lifeline_fd)
+    run_process(Parking(model, options.pose_from_typed(goal)), lab, result, lifeline_fd)
 
 
-@_runs
+@_command_of_process
 @needs("desk")
 def view(
     config: options.ConfigFile = None,
@@ -275,4 +275,4 @@ def view(
     """
     lab = options.resolve(config, None, None)
     listening = listen(host, port) if socket_fd is None else socket.socket(fileno=socket_fd)
-    serve(lab, listening, token_for(host), lifeline_fd, own=True)
+    serve(lab, listening, token_for(host), lifeline_fd, robot_known=True)

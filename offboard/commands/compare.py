@@ -28,12 +28,12 @@ KEPT = ("parked", "reason", "final_pose", "duration_s", "solve_ms", "pose_age_ms
 """Of each run's summary, in that of the comparison."""
 
 
-def _names() -> tuple[str, ...]:
+def _controller_names() -> tuple[str, ...]:
     """Return the choices of ``--controller``."""
     return (*COSTS.names(), NOMINAL)
 
 
-def _changes(name: str) -> dict[str, Any]:
+def _controller_changes(name: str) -> dict[str, Any]:
     """Return what a controller changes in the configuration's section ``controller``."""
     return {"cost": "me", "predict": "nominal"} if name == NOMINAL else {"cost": name}
 
@@ -44,7 +44,7 @@ def compare(
     controller: Annotated[
         list[str] | None,
         name_option(
-            *("--controller", "controller", _names),
+            *("--controller", "controller", _controller_names),
             "A cost with the model, or the nominal equations with the cost me; several may be "
             "named. Default: those of the paper.",
         ),
@@ -68,7 +68,7 @@ def compare(
     """
     from koopman_lab.predictors.predictor import require_robot
     from koopman_lab.predictors.table import load_model, prediction_of
-    from offboard.lab import parking
+    from offboard.lab import parking_run
     from offboard.lab.session_watch import session_listener
 
     loaded = load_model(model)
@@ -76,45 +76,47 @@ def compare(
     lab = options.resolve(config, overrides, kind, preset, seed, url, robot_name=robot_name)
     require_robot(loaded, lab.robot.kind)
     names = controller or (*COSTS.own_names(), NOMINAL)
-    labs = {name: changed(lab, "controller", **_changes(name)) for name in names}
-    begin = options.start_of(start, robot_type(lab.robot.kind).runs.park_start)
+    labs = {name: changed(lab, "controller", **_controller_changes(name)) for name in names}
+    start_pose = options.start_or_default(start, robot_type(lab.robot.kind).runs.park_start)
     sessions = {
-        name: parking.Parking(model, start=begin, prediction=prediction_of(loaded, each.controller))
-        for name, each in labs.items()
+        name: parking_run.Parking(
+            model, start=start_pose, prediction=prediction_of(loaded, variant.controller)
+        )
+        for name, variant in labs.items()
     }
-    for name, each in labs.items():
-        sessions[name].require_possible(each)
-    whole = new_folder(out, "compare", lab)
+    for name, variant in labs.items():
+        sessions[name].require_possible(variant)
+    comparison = new_folder(out, "compare", lab)
     ends, curves = {}, []
-    for name, each in labs.items():
-        folder = new_folder(whole.path / name, "park", each)
-        listener = session_listener(each, lockstep=lockstep)
-        ends[name] = parking.park(each, folder, listener, sessions[name])
+    for name, variant in labs.items():
+        folder = new_folder(comparison.path / name, "park", variant)
+        listener = session_listener(variant, lockstep=lockstep)
+        ends[name] = parking_run.park(variant, folder, listener, sessions[name])
         show(folder, ends[name])
         curves.append(_curve(name, folder))
-    _write(whole, lab, ends, curves)
+    _write_comparison(comparison, lab, ends, curves)
 
 
 def _curve(name: str, folder: RunFolder) -> Curve:
     import numpy as np
 
     from koopman_lab.figures.path import Curve
-    from offboard.lab.parking import TRAJECTORY
+    from offboard.lab.parking_run import TRAJECTORY
 
     rows = np.genfromtxt(folder.path / TRAJECTORY, delimiter=",", names=True)
     poses = np.column_stack([rows["x1_m"], rows["x2_m"], rows["theta_rad"]])
     return Curve(name, rows["time_s"], poses, rows["value"])
 
 
-def _write(
-    whole: RunFolder, lab: LabConfig, ends: dict[str, ParkSummary], curves: list[Curve]
+def _write_comparison(
+    comparison: RunFolder, lab: LabConfig, ends: dict[str, ParkSummary], curves: list[Curve]
 ) -> None:
     from koopman_lab.figures.path import draw_paths
 
-    draw_paths(whole.path / "paths", curves, deviation=True)
+    draw_paths(comparison.path / "paths", curves, deviation=True)
     controllers = {
         name: {key: value for key, value in end.model_dump().items() if key in KEPT}
         for name, end in ends.items()
     }
-    whole.write_summary(lab, {"what": "comparison", "controllers": controllers})
-    err.print(f"figure: {whole.path / 'paths.png'}")
+    comparison.write_summary(lab, {"what": "comparison", "controllers": controllers})
+    err.print(f"figure: {comparison.path / 'paths.png'}")

@@ -10,7 +10,7 @@ import typer
 
 from koopman_lab.robots.table import robot_type
 from offboard.commands.calibrate import show as show_session
-from offboard.commands.data.train import learn
+from offboard.commands.data.train_model import train_and_report
 from offboard.commands.park import show as show_park
 from offboard.desk.results import ParkSummary
 from offboard.lab.run_folder import new_folder
@@ -47,7 +47,7 @@ def demo(
     Example: klab demo --robot dynamic --lockstep --out runs/demo
     """
     from offboard.lab.calibration import calibrate
-    from offboard.lab.parking import Parking, park
+    from offboard.lab.parking_run import Parking, park
     from offboard.lab.session_watch import session_listener
 
     lab = options.resolve(config, overrides, robot, preset, seed, url, robot_name)
@@ -64,9 +64,9 @@ def demo(
     session = new_folder(top.path / "calibration", "calibration", lab)
     calibration = calibrate(lab, session, listener)
     show_session(session, calibration)
-    model = learn([session.path], top.path / "model.npz")
+    model = train_and_report([session.path], top.path / "model.npz")
     run = new_folder(top.path / "park", "park", lab)
-    start = options.start_of(None, standard.park_start)
+    start = options.start_or_default(None, standard.park_start)
     result = park(lab, run, listener, Parking(model, start=start))
     show_park(run, result)
     passed = _verdict(result)

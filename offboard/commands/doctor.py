@@ -36,7 +36,7 @@ class Finding:
     """One look at the machine; ``remedy`` is empty where nothing is to be mended."""
 
     what: str
-    found: str
+    detail: str
     good: bool
     needed: bool = True
     remedy: str = ""
@@ -67,8 +67,10 @@ def doctor(
     for finding in findings:
         if bus_only and finding not in bad:
             continue
-        word = "ok" if finding.good else (finding.bad if finding.needed else "missing, not needed")
-        out.print(f"{finding.what}: {word} ({finding.found})", markup=False)
+        verdict = (
+            "ok" if finding.good else (finding.bad if finding.needed else "missing, not needed")
+        )
+        out.print(f"{finding.what}: {verdict} ({finding.detail})", markup=False)
         if finding.remedy and not finding.good:
             out.print(f"    {finding.remedy}", markup=False)
     if bad:
@@ -84,43 +86,45 @@ def _python(lab: LabConfig) -> Iterator[Finding]:
 def _extras(klab: Any, lab: LabConfig) -> Iterator[Finding]:
     """Say which installation this is, and of each extra what is missing for which commands."""
     del lab
-    users = _users(klab)
-    there = [extra for extra in users if not missing(extra)]
-    kind = f"base and {', '.join(there)}" if there else "base, enough for a robot's board"
+    commands_by_extra = _commands_by_extra(klab)
+    installed = [extra for extra in commands_by_extra if not missing(extra)]
+    kind = f"base and {', '.join(installed)}" if installed else "base, enough for a robot's board"
     yield Finding("installation", kind, good=True)
-    for extra in users:
+    for extra in commands_by_extra:
         absent = ", ".join(missing(extra))
         yield Finding(
             f"extra {extra}",
-            f"without {absent} not: klab {', '.join(users[extra])}" if absent else "complete",
+            f"without {absent} not: klab {', '.join(commands_by_extra[extra])}"
+            if absent
+            else "complete",
             not absent,
             needed=False,
             remedy=install_command(extra),
         )
 
 
-def _users(klab: Any) -> dict[str, list[str]]:
+def _commands_by_extra(klab: Any) -> dict[str, list[str]]:
     """Return by extra the commands that need it; a group all of whose commands do is one."""
-    users: dict[str, list[str]] = {}
-    sizes = Counter(words.partition(" ")[0] for words, _ in commands(klab))
-    for words, command in commands(klab):
+    commands_by_extra: dict[str, list[str]] = {}
+    sizes = Counter(name_in_full.partition(" ")[0] for name_in_full, _ in commands(klab))
+    for name_in_full, command in commands(klab):
         for extra, option in needs_of(command.callback):
-            users.setdefault(extra, []).append(f"{words} {option}".rstrip())
-    for extra, names in users.items():
+            commands_by_extra.setdefault(extra, []).append(f"{name_in_full} {option}".rstrip())
+    for extra, names in commands_by_extra.items():
         groups = Counter(name.partition(" ")[0] for name in names)
         shown = {
             f"{group} ..." if 1 < sizes[group] == groups[group] else name
             for name in names
             for group in [name.partition(" ")[0]]
         }
-        users[extra] = sorted(shown)
-    return users
+        commands_by_extra[extra] = sorted(shown)
+    return commands_by_extra
 
 
 def _packages(lab: LabConfig) -> Iterator[Finding]:
     del lab
-    found = version("lcm")
-    yield Finding("lcm", found, found == "1.5.3", remedy="pip install lcm==1.5.3")
+    installed = version("lcm")
+    yield Finding("lcm", installed, installed == "1.5.3", remedy="pip install lcm==1.5.3")
     if missing("desk"):
         return
     import casadi
@@ -180,9 +184,9 @@ def _bus(lab: LabConfig) -> Iterator[Finding]:
     from koopman_lab.bus.multicast import route_remedy
     from koopman_lab.bus.realtime import Listener
 
-    own = changed(lab, "robot", name="DOCTOR")
+    probe = changed(lab, "robot", name="DOCTOR")
     try:
-        speaker, listener = Listener(own), Listener(own)
+        speaker, listener = Listener(probe), Listener(probe)
     except BusError as error:
         yield Finding("multicast", "LCM cannot be opened", good=False, remedy=str(error))
         return
@@ -202,15 +206,15 @@ def _bus(lab: LabConfig) -> Iterator[Finding]:
 
 
 def _receive_buffer(lab: LabConfig) -> Iterator[Finding]:
-    wanted = lab.bus.receive_buffer_bytes
+    requested = lab.bus.receive_buffer_bytes
     granted = int(RMEM_MAX.read_text()) if RMEM_MAX.exists() else None
-    found = "unknown here" if granted is None else f"{granted} bytes granted, {wanted} wanted"
+    detail = "unknown here" if granted is None else f"{granted} bytes granted, {requested} wanted"
     yield Finding(
         "receive buffer",
-        found,
-        granted is None or granted >= wanted,
+        detail,
+        granted is None or granted >= requested,
         needed=False,
-        remedy=f"bursts may be lost; sudo sysctl -w net.core.rmem_max={wanted}",
+        remedy=f"bursts may be lost; sudo sysctl -w net.core.rmem_max={requested}",
     )
 
 
@@ -220,12 +224,12 @@ def _compiler(lab: LabConfig) -> Iterator[Finding]:
 
     try:
         built = compiled.library("int klab_doctor(void) { return 0; }\n")
-        found, works = f"{compiled.find_compiler()}, libraries in {built.parent}", True
+        detail, works = f"{compiled.find_compiler()}, libraries in {built.parent}", True
     except compiled.NotCompiledError as reason:
-        found, works = str(reason), False
+        detail, works = str(reason), False
     yield Finding(
         "C compiler",
-        found,
+        detail,
         works,
         needed=False,
         remedy="the controller solves more slowly; sudo apt install gcc",

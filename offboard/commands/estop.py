@@ -39,8 +39,8 @@ def estop(
     if obeyed:
         err.print("released" if release else "stopped; `klab estop --release` releases it")
         return
-    heard = "does not confirm" if newest else "is silent"
+    answer = "does not confirm" if newest else "is silent"
     raise LabStateError(
-        f"{ONBOARD_STATUS.name(lab.robot.name)} {heard}: the message was sent {TRIES} times on "
+        f"{ONBOARD_STATUS.name(lab.robot.name)} {answer}: the message was sent {TRIES} times on "
         f"{lab.bus.url}; cut the power if the robot moves"
     )

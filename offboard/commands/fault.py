@@ -75,44 +75,44 @@ def fault(
 
     lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
     details = {"wheel": wheel and wheel.value, "battery_v": battery_v}
-    wanted = _fault(kind, duration_s, **details, loss=loss, jump_s=jump_s)
+    requested = _parsed_fault(kind, duration_s, **details, loss=loss, jump_s=jump_s)
     listener = options.listen(lab)
     seen: list[int] = []
     listener.subscribe(PLANT_TRUTH, lambda truth: seen.append(truth.faults))
     for _ in range(TRIES):
-        message = fault_message(wanted, listener.now_us())
+        message = fault_message(requested, listener.now_us())
         listener.publish(FAULT, message)
         seen.clear()
         listener.spin(WAIT_S)
         if seen and bool(seen[-1] >> message.kind & 1) == (duration_s > 0.0):
-            err.print(_said(wanted))
+            err.print(_fault_text(requested))
             return
-    heard = "does not confirm" if seen else "is silent"
+    answer = "does not confirm" if seen else "is silent"
     raise LabStateError(
-        f"{PLANT_TRUTH.name(lab.robot.name)} {heard}: only the simulated robot has faults on "
+        f"{PLANT_TRUTH.name(lab.robot.name)} {answer}: only the simulated robot has faults on "
         f"demand, and `klab up` starts one on {lab.bus.url}"
     )
 
 
-def _fault(kind: FaultName, duration_s: float, **details: Any) -> Fault:
+def _parsed_fault(kind: FaultName, duration_s: float, **details: Any) -> Fault:
     from pydantic import ValidationError
 
     from koopman_lab.config.simulation import Fault
     from koopman_lab.errors import ConfigError
 
-    given = {"kind": kind.name, "duration_s": None if math.isinf(duration_s) else duration_s}
+    fields = {"kind": kind.name, "duration_s": None if math.isinf(duration_s) else duration_s}
     try:
-        return Fault.model_validate(given | details)
+        return Fault.model_validate(fields | details)
     except ValidationError as error:
         first = error.errors()[0]
         option = "".join(f"--{str(part).replace('_', '-')}: " for part in first["loc"])
         raise ConfigError(f"fault: {option}{first['msg'].removeprefix('Value error, ')}") from None
 
 
-def _said(fault: Fault) -> str:
+def _fault_text(fault: Fault) -> str:
     details = fault.model_dump(exclude={"kind", "duration_s"}, exclude_none=True)
-    words = ", ".join(f"{name} {value}" for name, value in details.items())
+    details_text = ", ".join(f"{name} {value}" for name, value in details.items())
     if fault.duration_s == 0.0:
         return f"{fault.kind.replace('_', ' ')} ended"
     lasts = "until it is ended" if fault.duration_s is None else f"for {fault.duration_s:g} s"
-    return f"{fault.kind.replace('_', ' ')}{f' ({words})' if words else ''} {lasts}"
+    return f"{fault.kind.replace('_', ' ')}{f' ({details_text})' if details_text else ''} {lasts}"

@@ -32,7 +32,7 @@ def goal(
 
     lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
     newest: deque[lcmtypes.mpc_state_t] = deque(maxlen=1)
-    order = goal_order(options.pose_of(pose), lab, lambda: newest[0] if newest else None)
+    order = goal_order(options.pose_from_typed(pose), lab, lambda: newest[0] if newest else None)
     listener = options.listen(lab)
     listener.subscribe(MPC_STATE, newest.append)
     while (obeyed := order.step(listener)) is None:
@@ -40,5 +40,5 @@ def goal(
     if obeyed:
         err.print("the controller drives there")
         return
-    heard = "keeps another goal" if newest else "is silent; `klab park` starts a controller"
-    raise LabStateError(f"{MPC_STATE.name(lab.robot.name)} {heard}")
+    answer = "keeps another goal" if newest else "is silent; `klab park` starts a controller"
+    raise LabStateError(f"{MPC_STATE.name(lab.robot.name)} {answer}")

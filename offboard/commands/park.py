@@ -39,7 +39,7 @@ def park(
     """
     from koopman_lab.predictors.predictor import require_robot
     from koopman_lab.predictors.table import load_model, prediction_of
-    from offboard.lab import parking
+    from offboard.lab import parking_run
     from offboard.lab.session_watch import session_listener
 
     loaded = load_model(model)
@@ -51,13 +51,13 @@ def park(
         kind = loaded.robot.name
     lab = options.resolve(config, changes, kind, preset, seed, url, robot_name=robot_name)
     require_robot(loaded, lab.robot.kind)
-    begin = options.start_of(start, robot_type(lab.robot.kind).runs.park_start)
-    predicts = prediction_of(loaded, lab.controller)
-    session = parking.Parking(model, options.pose_of(goal), begin, predicts)
+    start_pose = options.start_or_default(start, robot_type(lab.robot.kind).runs.park_start)
+    prediction = prediction_of(loaded, lab.controller)
+    session = parking_run.Parking(model, options.pose_from_typed(goal), start_pose, prediction)
     session.require_possible(lab)
     listener = session_listener(lab, lockstep=lockstep)
     folder = new_folder(out, "park", lab)
-    summary = parking.park(lab, folder, listener, session)
+    summary = parking_run.park(lab, folder, listener, session)
     show(folder, summary)
     if not summary.parked:
         raise typer.Exit(1)
@@ -65,14 +65,14 @@ def park(
 
 def show(folder: RunFolder, summary: ParkSummary) -> None:
     """Print how a run ended."""
-    where = "no pose measured"
+    position = "no pose measured"
     if summary.final_pose is not None:
         x1, x2, theta = summary.final_pose
-        where = (
+        position = (
             f"x1 {x1 * 1e3:.1f} mm, x2 {x2 * 1e3:.1f} mm, theta {math.degrees(theta):.2f} deg "
             "from the goal"
         )
-    word = "parked" if summary.parked else f"not parked ({summary.reason})"
+    verdict = "parked" if summary.parked else f"not parked ({summary.reason})"
     for pause in summary.pauses:
         err.print(f"paused for {pause.duration_s:.1f} s: {pause.reason}")
-    err.print(f"{word} after {summary.duration_s:.1f} s: {where}: {folder.path}")
+    err.print(f"{verdict} after {summary.duration_s:.1f} s: {position}: {folder.path}")

@@ -66,44 +66,49 @@ def simulate(
     from koopman_lab.studies.closed_loop import closed_loop
 
     loaded = None if model is None else load_model(model)
-    kind, wanted = robot, list(overrides or ())
+    kind, changes = robot, list(overrides or ())
     if loaded is not None:
         kind = kind or (loaded.robot.name if config is None else None)
-        wanted.insert(0, f"controller.dt_s={loaded.dt_s}")
+        changes.insert(0, f"controller.dt_s={loaded.dt_s}")
     costs = list(cost or ())
-    ways = [way.value for way in predict or ()] or ["nominal" if loaded is None else "reprojected"]
-    lab = options.resolve(config, wanted, kind)
+    prediction_names = [prediction_name.value for prediction_name in predict or ()] or [
+        "nominal" if loaded is None else "reprojected"
+    ]
+    lab = options.resolve(config, changes, kind)
     costs = costs or [lab.controller.cost]
     description = robot_type(lab.robot.kind)
-    x0 = description.state(options.start_of(start, description.runs.simulate_start))
+    x0 = description.state(options.start_or_default(start, description.runs.simulate_start))
     seconds = duration_s if duration_s is not None else description.runs.simulate_s
-    controllers = [(c, way) for c in costs for way in ways]
+    controllers = [(c, prediction_name) for c in costs for prediction_name in prediction_names]
     labs = [
-        changed(lab, "controller", cost=c, reprojection=way != "lifted") for c, way in controllers
+        changed(lab, "controller", cost=c, reprojection=prediction_name != "lifted")
+        for c, prediction_name in controllers
     ]
-    models = [_prediction(lab, loaded, way) for _, way in controllers]
-    place, runs = new_folder(folder, "simulation", lab), {}
+    models = [_prediction(lab, loaded, prediction_name) for _, prediction_name in controllers]
+    results_folder, runs = new_folder(folder, "simulation", lab), {}
     with progress("simulating") as report:
-        for number, (c, way) in enumerate(controllers):
-            runs[f"{c}-{way}"] = closed_loop(labs[number], models[number], x0, seconds)
-            report(number + 1, len(controllers), f"{c}, {way}")
-    _write(place, lab, runs, model)
+        for number, (c, prediction_name) in enumerate(controllers):
+            runs[f"{c}-{prediction_name}"] = closed_loop(labs[number], models[number], x0, seconds)
+            report(number + 1, len(controllers), f"{c}, {prediction_name}")
+    _write_results(results_folder, lab, runs, model)
 
 
-def _prediction(lab: LabConfig, loaded: Any, way: str) -> PredictionModel:
+def _prediction(lab: LabConfig, loaded: Any, prediction_name: str) -> PredictionModel:
     from koopman_lab.predictors.nominal import NominalPrediction
     from koopman_lab.predictors.predictor import require_robot
     from koopman_lab.predictors.table import prediction
 
-    if way == "nominal":
+    if prediction_name == "nominal":
         return NominalPrediction(lab.robot.kind, lab.controller.dt_s)
     if loaded is None:
-        raise ModelError(f"--predict {way} needs a model; name it with --model")
+        raise ModelError(f"--predict {prediction_name} needs a model; name it with --model")
     require_robot(loaded, lab.robot.kind)
     return prediction(loaded)
 
 
-def _write(place: RunFolder, lab: LabConfig, runs: dict[str, Run], model: Path | None) -> None:
+def _write_results(
+    results_folder: RunFolder, lab: LabConfig, runs: dict[str, Run], model: Path | None
+) -> None:
     from rich.table import Table
 
     from koopman_lab.figures.path import Curve, draw_paths
@@ -119,7 +124,9 @@ def _write(place: RunFolder, lab: LabConfig, runs: dict[str, Run], model: Path |
     facts, curves, robot = {}, [], robot_type(lab.robot.kind)
     for name, run in runs.items():
         write_csv(
-            place.path / f"{name}.csv", closed_loop.columns(robot), closed_loop.as_rows(run, robot)
+            results_folder.path / f"{name}.csv",
+            closed_loop.columns(robot),
+            closed_loop.as_rows(run, robot),
         )
         curves.append(Curve(name, run.time_s[:-1], run.states[:-1, :3], run.values))
         x1, x2, theta = run.states[-1, :3].tolist()
@@ -141,9 +148,9 @@ def _write(place: RunFolder, lab: LabConfig, runs: dict[str, Run], model: Path |
             f"{run.iterations.mean():.1f}",
             str(run.unsolved),
         )
-    draw_paths(place.path / "paths", curves)
+    draw_paths(results_folder.path / "paths", curves)
     first = next(iter(runs.values()))
-    place.write_summary(
+    results_folder.write_summary(
         lab,
         {
             "what": "simulation",
@@ -154,4 +161,4 @@ def _write(place: RunFolder, lab: LabConfig, runs: dict[str, Run], model: Path |
         },
     )
     out.print(table)
-    err.print(f"figure: {place.path / 'paths.png'}")
+    err.print(f"figure: {results_folder.path / 'paths.png'}")

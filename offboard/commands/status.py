@@ -18,8 +18,8 @@ from offboard.terminal.output import err, out
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
     from koopman_lab.config.schema import LabConfig
+    from offboard.monitor.lab_view import LabView
     from offboard.monitor.process_states import ProcessState
-    from offboard.monitor.state import LabView
 
 END_LIMIT_S = 60.0
 """Seven processes that all ignore SIGINT and SIGTERM take 42 s."""
@@ -38,29 +38,31 @@ def status(
 
     Example: klab status
     """
-    from offboard.lab.process_notes import broken, with_broken
+    from offboard.lab.process_notes import broken_labs, with_broken_labs
 
     lab = options.resolve(config, overrides, None, url=url)
-    listener, view = _heard(lab)
+    listener, view = _listen(lab)
     now_us = listener.now_us()
-    found = {
+    processes = {
         name: robot.entries(now_us)
         for name, robot in view.robots.items()
         if not robot.replayed(now_us)
     }
-    if not any(found.values()):
+    if not any(processes.values()):
         err.print(f"no process heard on {lab.bus.url}; `klab up` starts a lab")
-    found = with_broken(found, broken(lab.bus.url, now_us))
+    processes = with_broken_labs(processes, broken_labs(lab.bus.url, now_us))
     if as_json:
-        from offboard.monitor.json_values import entry_row
+        from offboard.monitor.json_values import process_row
 
-        rows = {name: [entry_row(e) for e in entries] for name, entries in sorted(found.items())}
+        rows = {
+            name: [process_row(e) for e in entries] for name, entries in sorted(processes.items())
+        }
         out.print_json(json.dumps(rows))
     else:
-        _show(found)
-    if any(e.state in ("silent", "died") for entries in found.values() for e in entries) or not any(
-        found.values()
-    ):
+        _show(processes)
+    if any(
+        e.state in ("silent", "died") for entries in processes.values() for e in entries
+    ) or not any(processes.values()):
         raise typer.Exit(1)
 
 
@@ -79,42 +81,44 @@ def down(
     """
     from koopman_lab.bus.processes import commanders, process
     from koopman_lab.errors import LabStateError
-    from offboard.lab.process_notes import alive, commands
-    from offboard.lab.supervisor import KILLED, PATIENCE_S
+    from offboard.lab.child_process import KILLED, PATIENCE_S
+    from offboard.lab.process_notes import alive, running_commands
     from offboard.monitor.process_states import SILENT_S
 
     lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
     name = lab.robot.name
     # Before anything is heard, which takes a second: meanwhile the robot would drive on.
-    noted = commands(lab)
+    noted = running_commands(lab)
     commanding = {pid for pid, names in noted.items() if names & commanders()}
     _interrupt(commanding)
-    listener, view = _heard(lab)
+    listener, view = _listen(lab)
     entries = _entries(view, name, listener)
-    ours = [e for e in entries if _ours(e) and e.state not in ("finished", "died")]
-    here = set(noted) | {e.told.supervisor_pid for e in ours if e.told is not None}
-    others = _others(entries, here)
-    if not here:
+    ours = [e for e in entries if _started_here(e) and e.state not in ("finished", "died")]
+    supervisors = set(noted) | {e.report.supervisor_pid for e in ours if e.report is not None}
+    others = _others_text(entries, supervisors)
+    if not supervisors:
         hint = f"; still there: {others}" if others else ""
         raise LabStateError(
             f"{name}: no `klab up`, `calibrate` or `park` of this machine runs on "
             f"{lab.bus.url}{hint}"
         )
-    late = {e.told.supervisor_pid for e in ours if e.told and process(e.name).commands} - commanding
+    late = {
+        e.report.supervisor_pid for e in ours if e.report and process(e.name).commands
+    } - commanding
     _interrupt(late)
     if commanding or late:
         spin_for(listener, PATIENCE_S, lambda: _stands(view, name, listener))
-    _interrupt(here - commanding - late)
-    spin_for(listener, END_LIMIT_S, lambda: not any(map(alive, here)))
-    left = sorted(filter(alive, here))
+    _interrupt(supervisors - commanding - late)
+    spin_for(listener, END_LIMIT_S, lambda: not any(map(alive, supervisors)))
+    left = sorted(filter(alive, supervisors))
     if left:
         raise LabStateError(f"{name}: still running: process {', '.join(map(str, left))}")
     for e in _entries(view, name, listener):
-        if e.told is not None and e.told.ended == KILLED:
+        if e.report is not None and e.report.ended == KILLED:
             err.print(f"{e.name} (process {e.pid}) did not end by itself: {KILLED}")
     if others:
         spin_for(listener, SILENT_S)
-        others = _others(_entries(view, name, listener), here)
+        others = _others_text(_entries(view, name, listener), supervisors)
     if others:
         err.print(f"{name} is not down; still there: {others}")
         raise typer.Exit(1)
@@ -139,33 +143,37 @@ def _stands(view: LabView, name: str, listener: Listener) -> bool:
     return status is None or status.v_setpoint_m_per_s == status.omega_setpoint_rad_per_s == 0.0
 
 
-def _ours(entry: ProcessState) -> bool:
+def _started_here(entry: ProcessState) -> bool:
     """Return whether a command of this machine, and still there, started a process."""
     from offboard.lab.process_notes import is_klab
 
-    told = entry.told
-    return told is not None and told.host == socket.gethostname() and is_klab(told.supervisor_pid)
+    report = entry.report
+    return (
+        report is not None
+        and report.host == socket.gethostname()
+        and is_klab(report.supervisor_pid)
+    )
 
 
-def _others(entries: list[ProcessState], here: set[int]) -> str:
+def _others_text(entries: list[ProcessState], supervisors: set[int]) -> str:
     """Return in words who goes on without the commands ``here``, and who may stop it."""
-    words = []
+    texts = []
     for e in entries:
         if e.state != "alive":
             continue
-        if e.told is None:
-            words.append(f"{e.name} (process {e.pid}: started by hand, end it there by Ctrl-C)")
-        elif e.told.host != socket.gethostname():
-            words.append(f"{e.name} (on {e.told.host}: `klab down` there)")
-        elif e.told.supervisor_pid not in here:
-            words.append(f"{e.name} (process {e.pid}, of process {e.told.supervisor_pid})")
-    return ", ".join(words)
+        if e.report is None:
+            texts.append(f"{e.name} (process {e.pid}: started by hand, end it there by Ctrl-C)")
+        elif e.report.host != socket.gethostname():
+            texts.append(f"{e.name} (on {e.report.host}: `klab down` there)")
+        elif e.report.supervisor_pid not in supervisors:
+            texts.append(f"{e.name} (process {e.pid}, of process {e.report.supervisor_pid})")
+    return ", ".join(texts)
 
 
-def _heard(lab: LabConfig) -> tuple[Listener, LabView]:
+def _listen(lab: LabConfig) -> tuple[Listener, LabView]:
     """Listen for as long as it takes to hear everybody."""
-    from offboard.lab.supervisor import LISTEN_S
-    from offboard.monitor.state import LabView
+    from offboard.lab.present_nodes import LISTEN_S
+    from offboard.monitor.lab_view import LabView
 
     listener, view = options.listen(lab), LabView(lab)
     listener.overhear(view.take)
@@ -173,25 +181,25 @@ def _heard(lab: LabConfig) -> tuple[Listener, LabView]:
     return listener, view
 
 
-def _show(found: dict[str, list[ProcessState]]) -> None:
+def _show(processes: dict[str, list[ProcessState]]) -> None:
     from rich.table import Table
 
     from offboard.monitor.process_states import DIED
 
-    if not any(found.values()):
+    if not any(processes.values()):
         return
     table = Table()
     for column in ("robot", "process", "state", "pid", "heard (s)", "needs", "who may stop it"):
         table.add_column(column)
-    for robot, entries in sorted(found.items()):
+    for robot, entries in sorted(processes.items()):
         for e in entries:
-            ended = f": {e.told.ended}" if e.told is not None and e.told.ended else ""
+            ended = f": {e.report.ended}" if e.report is not None and e.report.ended else ""
             needs = ", ".join(e.needs) or "nothing"
             heard = "-" if e.age_s is None else f"{e.age_s:.1f}"
             table.add_row(robot, e.name, e.state + ended, str(e.pid), heard, needs, e.stopped_by)
     out.print(table)
-    for robot, entries in sorted(found.items()):
+    for robot, entries in sorted(processes.items()):
         for e in entries:
-            if e.told is not None and e.state == DIED:
-                out.print(f"{robot} {e.name}: {e.told.log_file} ends with:", markup=False)
-                out.print(e.told.last_lines or "(it said nothing)", markup=False)
+            if e.report is not None and e.state == DIED:
+                out.print(f"{robot} {e.name}: {e.report.log_file} ends with:", markup=False)
+                out.print(e.report.last_lines or "(it said nothing)", markup=False)

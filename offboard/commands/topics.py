@@ -60,23 +60,23 @@ def topics(
             from offboard.monitor.streams import Streams
 
             streams = Streams()
-            listener.overhear(_into(streams))
+            listener.overhear(_handler_into(streams))
             if once or as_json or not out.is_terminal:
-                _once(listener, lab, streams, seconds, as_json=as_json)
+                _print_once(listener, lab, streams, seconds, as_json=as_json)
             else:
-                _follow(listener, lab, streams)
+                _show_until_interrupted(listener, lab, streams)
     except KeyboardInterrupt:
         raise typer.Exit(INTERRUPTED) from None
 
 
-def _into(streams: Streams) -> RawHandler:
+def _handler_into(streams: Streams) -> RawHandler:
     def take(name: str, data: bytes, arrived_us: int) -> None:
         streams.take(name, data, arrived_us)
 
     return take
 
 
-def _once(
+def _print_once(
     listener: Listener, lab: LabConfig, streams: Streams, seconds: float, *, as_json: bool
 ) -> None:
     from koopman_lab.errors import LabStateError
@@ -94,7 +94,7 @@ def _once(
         out.print(_table(flows))
 
 
-def _follow(listener: Listener, lab: LabConfig, streams: Streams) -> None:
+def _show_until_interrupted(listener: Listener, lab: LabConfig, streams: Streams) -> None:
     from rich.live import Live
 
     with Live(console=out, auto_refresh=False) as live:

@@ -44,7 +44,7 @@ def up(
     ] = False,
     host: Host = HOST,
     port: Port = PORT,
-    more: Annotated[
+    added_nodes: Annotated[
         list[str] | None,
         name_option(
             *("--with", "added node", PROCESSES.others),
@@ -64,14 +64,15 @@ def up(
     from koopman_lab.bus.processes import STANDING, Stop, stopping
     from koopman_lab.errors import LabStateError
     from offboard.lab.lab_lock import lab_lock
-    from offboard.lab.supervisor import present, start_missing, supervised
+    from offboard.lab.present_nodes import present_nodes
+    from offboard.lab.supervisor import start_missing, supervised
 
     lab_config = options.resolve(config, overrides, robot, preset, seed, url, robot_name=robot_name)
     robot_type(lab_config.robot.kind).on_two_wheels()
     lab_config.require_simulation()
     # Before anything is started: a package that does not fit is one message.
-    for name in more or ():
-        missing = set(PROCESSES.get(name).needs) - {*STANDING, *(more or ())}
+    for name in added_nodes or ():
+        missing = set(PROCESSES.get(name).needs) - {*STANDING, *(added_nodes or ())}
         if missing:
             raise LabStateError(
                 f"--with {name}: needs {', '.join(sorted(missing))}, which the lab does not run"
@@ -81,21 +82,21 @@ def up(
             stack.enter_context(lab_lock(lab_config))
             page = stack.enter_context(listen(host, port)) if view else None
             listener = options.listen(lab_config)
-            there = present(listener) & stopping(Stop.BOARD, Stop.HARDWARE)
-            if there:
+            present = present_nodes(listener) & stopping(Stop.BOARD, Stop.HARDWARE)
+            if present:
                 raise LabStateError(
-                    f"{', '.join(sorted(there))} of {lab_config.robot.name} already on "
+                    f"{', '.join(sorted(present))} of {lab_config.robot.name} already on "
                     f"{lab_config.bus.url}; stop that lab, or take another name with "
                     "--robot-name R2"
                 )
             folder = new_folder(out, "up", lab_config)
             lab = stack.enter_context(supervised(lab_config, folder, listener))
             start_missing(lab, set(), folder)
-            for name in more or ():
+            for name in added_nodes or ():
                 lab.start(name)
-            lab.wait_ready(*(more or ()))
+            lab.wait_ready(*(added_nodes or ()))
             if page is not None:
-                _serve(listener, lab, page, host)
+                _start_page(listener, lab, page, host)
             name, kind = lab_config.robot.name, lab_config.robot.kind
             err.print(f"{name} ({kind}) is up on {lab_config.bus.url}; log: {folder.log}")
             same = "" if robot_name is None else f" with --robot-name {name}"
@@ -103,13 +104,13 @@ def up(
                 f"Ctrl-C ends it; `klab calibrate` and `klab park`{same} in another terminal use it"
             )
             with status_line() as show:
-                _follow(listener, lab, show)
+                _show_until_interrupted(listener, lab, show)
     except KeyboardInterrupt:
         err.print("stopped")
         raise typer.Exit(130) from None
 
 
-def _serve(listener: Listener, lab: Supervisor, page: socket.socket, host: str) -> None:
+def _start_page(listener: Listener, lab: Supervisor, page: socket.socket, host: str) -> None:
     """Start the page and name its addresses once it answers: nobody follows them into nothing.
 
     Nobody else can answer on the socket, which listens since before anything was started.
@@ -121,26 +122,28 @@ def _serve(listener: Listener, lab: Supervisor, page: socket.socket, host: str) 
         os.environ[TOKEN] = token
     fd = page.fileno()
     lab.start("view", "--host", host, "--socket-fd", str(fd), pass_fds=[fd])
-    where = page.getsockname()[:2]
-    with socket.create_connection(where) as asking:
-        asking.sendall(b"HEAD /static/app.js HTTP/1.0\r\n\r\n")
-        asking.settimeout(WAIT_S)
+    address = page.getsockname()[:2]
+    with socket.create_connection(address) as client:
+        client.sendall(b"HEAD /static/app.js HTTP/1.0\r\n\r\n")
+        client.settimeout(WAIT_S)
         for _ in range(round(PAGE_LIMIT_S / WAIT_S)):
             with contextlib.suppress(TimeoutError):
-                asking.recv(1)
+                client.recv(1)
                 break
             listener.spin(0.0)
             lab.check()
         else:
-            raise LabStateError(f"view: no answer on port {where[1]} within {PAGE_LIMIT_S:g} s")
+            raise LabStateError(f"view: no answer on port {address[1]} within {PAGE_LIMIT_S:g} s")
     err.print(f"page: {' or '.join(addresses(page, token))}", markup=False)
 
 
-def _follow(listener: Listener, lab: Supervisor, show: Callable[[str], None]) -> None:
+def _show_until_interrupted(
+    listener: Listener, lab: Supervisor, show: Callable[[str], None]
+) -> None:
     """Show how the lab is until it is interrupted or a process dies."""
     import lcmtypes
     from koopman_lab.bus.channels import LOGGER_STATUS, ONBOARD_STATUS
-    from offboard.monitor.headline import standing
+    from offboard.monitor.headline import motor_loop_text
 
     onboard: deque[lcmtypes.onboard_status_t] = deque(maxlen=1)
     logger: deque[lcmtypes.logger_status_t] = deque(maxlen=1)
@@ -152,6 +155,6 @@ def _follow(listener: Listener, lab: Supervisor, show: Callable[[str], None]) ->
         if onboard and logger:
             robot, log = onboard[0], logger[0]
             show(
-                f"{standing(robot)}, {robot.battery_v:.1f} V; {log.events} messages stored, "
+                f"{motor_loop_text(robot)}, {robot.battery_v:.1f} V; {log.events} messages stored, "
                 f"{log.mocap_lost_messages} camera messages lost"
             )

@@ -64,7 +64,7 @@ def serve(
     token: str | None,
     lifeline_fd: int | None = None,
     *,
-    own: bool = False,
+    robot_known: bool = False,
 ) -> None:
     """Serve the page until SIGINT, SIGTERM, or the end of the lifeline.
 
@@ -78,8 +78,8 @@ def serve(
         From :func:`token_for`.
     lifeline_fd
         As for :func:`~koopman_lab.bus.realtime.run_node`.
-    own
-        As for :class:`~offboard.viewer.desk.Desk`.
+    robot_known
+        As for :class:`~offboard.viewer.operator_desk.OperatorDesk`.
 
     Raises
     ------
@@ -90,11 +90,11 @@ def serve(
 
     import uvicorn
 
-    from offboard.viewer.desk import Desk
     from offboard.viewer.guard import Guard
+    from offboard.viewer.operator_desk import OperatorDesk
     from offboard.viewer.server import LARGEST_FRAME, Server
 
-    desk = Desk(config, own=own)
+    desk = OperatorDesk(config, robot_known=robot_known)
 
     async def run() -> None:
         server = Server(desk, Guard(token), lambda line: err.print(line, markup=False))
@@ -173,11 +173,11 @@ def addresses(listening: socket.socket, token: str | None) -> list[str]:
 
 def _own_addresses() -> list[str]:
     """Return this machine's IPv4 addresses that others may reach; few phones know its name."""
-    found = []
+    ipv4_addresses = []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
         for _, name in socket.if_nameindex():
             request = struct.pack("256s", name.encode())
             with contextlib.suppress(OSError):  # an interface without an address
                 reply = fcntl.ioctl(any_socket, SIOCGIFADDR, request)
-                found.append(socket.inet_ntoa(reply[ADDRESS]))
-    return [address for address in found if not address.startswith("127.")]
+                ipv4_addresses.append(socket.inet_ntoa(reply[ADDRESS]))
+    return [address for address in ipv4_addresses if not address.startswith("127.")]

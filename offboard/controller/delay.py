@@ -1,4 +1,4 @@
-"""How long it takes until a command acts."""
+"""Estimates the delay of the control loop: from a step until its command acts."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class LoopDelay:
         self._one_way_s = 0.0
         self._solves_s: deque[float] = deque(maxlen=SOLVES)
 
-    def saw_round_trip(self, round_trip_us: int) -> None:
+    def set_round_trip(self, round_trip_us: int) -> None:
         """Take the round trip that the board measured (us)."""
         self._one_way_s = 0.5 * round_trip_us / US_PER_S
 
-    def took(self, solve_s: float) -> None:
+    def add_step_duration(self, solve_s: float) -> None:
         """Take the time from the beginning of a step until its command was sent (s)."""
         self._solves_s.append(solve_s)
 

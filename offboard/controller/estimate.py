@@ -14,7 +14,7 @@ from koopman_lab.geometry.planar import Pose, Velocity, relative_to, wrap_angle
 from koopman_lab.robots.body_drive import BodyDrive, Speeds
 from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
-from offboard.controller.inputs import InputHistory
+from offboard.controller.input_history import InputHistory
 
 Advance = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 """From a state and an input to the state one sampling time later."""

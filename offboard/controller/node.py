@@ -18,10 +18,11 @@ from koopman_lab.mpc.solver import Solver
 from koopman_lab.predictors.predictor import PredictionModel
 from koopman_lab.predictors.table import load_prediction
 from koopman_lab.units import US_PER_S
-from offboard.controller.controller import Controller, Inputs, State
+from offboard.controller.controller import Controller
+from offboard.controller.controller_step import Inputs, State
 from offboard.controller.delay import LoopDelay
 from offboard.controller.estimate import Frame, WheelSpeeds
-from offboard.controller.report import TrajectoryPoint, mpc_state, trajectory_rows
+from offboard.controller.step_report import TrajectoryPoint, mpc_state, trajectory_rows
 from offboard.desk.commander import Commands, Freshness, SessionInfo
 from offboard.desk.results import ParkOutcome
 
@@ -78,7 +79,7 @@ class ControllerNode:
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
         self._port = port
-        self._alive = Freshness(port, self._config)
+        self._fresh = Freshness(port, self._config)
         self._commands = Commands(port, self._config, self.name)
         SessionInfo(port, self._config, "park")
         port.subscribe(channels.MOCAP_POSE, self._on_pose)
@@ -134,7 +135,7 @@ class ControllerNode:
             self.controller.move_goal(goal, now_us)
 
     def _on_time_sync(self, message: lcmtypes.time_sync_t) -> None:
-        self._delay.saw_round_trip(message.round_trip_us)
+        self._delay.set_round_trip(message.round_trip_us)
 
     def _on_tick(self, tick_us: int) -> None:
         del tick_us
@@ -143,8 +144,8 @@ class ControllerNode:
         seen = Inputs(
             tuple(self._frames),
             self._wheels,
-            self._alive.interlock(self._commands.number, now_us),
-            self._alive.logger(now_us),
+            self._fresh.interlock(self._commands.number, now_us),
+            self._fresh.is_logging(now_us),
             self._delay.estimate_s(),
         )
         self._frames.clear()
@@ -154,14 +155,14 @@ class ControllerNode:
         if outputs.holds:
             self._commands.send(outputs.u, sent_us)
         else:
-            self._commands.rest(sent_us)
+            self._commands.release_if_held(sent_us)
         if outputs.state is State.DRIVING:
             self.solve_ms.append(solve_ms)
             age_us = sent_us - (outputs.pose_utime or sent_us)
             self.pose_age_ms.append(age_us * 1e-3 + self._delay.after_sending_s * 1e3)
             state = tuple(map(float, outputs.state_in_goal_frame))
             self.trajectory.append(TrajectoryPoint(sent_us, state, outputs.u, outputs.value))
-        self._delay.took((sent_us - now_us) / US_PER_S)
+        self._delay.add_step_duration((sent_us - now_us) / US_PER_S)
         # In lockstep time on the wall means nothing, and logs are the same byte by byte.
         published_ms = 0.0 if self._port.virtual else solve_ms
         report = mpc_state(outputs, self.controller.goal, published_ms, sent_us)

@@ -1,4 +1,4 @@
-"""What every node that drives the robot needs: who is alive, commands, the session's facts."""
+"""What a node that drives the robot needs: fresh messages, commands, the session's information."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def why_stopped(status: lcmtypes.onboard_status_t) -> str | None:
 
 
 class Freshness:
-    """The newest pose and status, as long as they are young enough to act on."""
+    """The newest pose, status and logger heartbeat, as long as they are young enough to act on."""
 
     def __init__(self, port: Port, config: LabConfig) -> None:
         self._pose: lcmtypes.mocap_pose_t | None = None
@@ -45,13 +45,13 @@ class Freshness:
 
     def pose(self, now_us: int) -> lcmtypes.mocap_pose_t | None:
         """Return the newest valid pose, or None while tracking is lost."""
-        return _young(self._pose, now_us, self._tracking_timeout_s)
+        return _if_young(self._pose, now_us, self._tracking_timeout_s)
 
     def onboard(self, now_us: int) -> lcmtypes.onboard_status_t | None:
         """Return the newest status of the motor loop, or None while it is silent."""
-        return _young(self._onboard, now_us, ONBOARD_TIMEOUT_S)
+        return _if_young(self._onboard, now_us, ONBOARD_TIMEOUT_S)
 
-    def robot(self, commander: int, now_us: int) -> bool:
+    def takes_commands(self, commander: int, now_us: int) -> bool:
         """Return whether the motor loop would take commands of this commander."""
         return self.interlock(commander, now_us) is None
 
@@ -67,9 +67,9 @@ class Freshness:
             return None
         return Interlock(f"onboard loop held by {commander_name(status.commander)}", lasting=True)
 
-    def logger(self, now_us: int) -> bool:
+    def is_logging(self, now_us: int) -> bool:
         """Return whether the logger is writing down what happens."""
-        return _young(self._logger, now_us, LOGGER_TIMEOUT_S) is not None
+        return _if_young(self._logger, now_us, LOGGER_TIMEOUT_S) is not None
 
     def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:
         if message.tracking_valid:
@@ -82,7 +82,7 @@ class Freshness:
         self._logger = message
 
 
-def _young(message: channels.M | None, now_us: int, timeout_s: float) -> channels.M | None:
+def _if_young(message: channels.M | None, now_us: int, timeout_s: float) -> channels.M | None:
     # A board that does not know the time yet may stamp the future.
     if message is None or abs(now_us - message.utime) > timeout_s * US_PER_S:
         return None
@@ -90,7 +90,7 @@ def _young(message: channels.M | None, now_us: int, timeout_s: float) -> channel
 
 
 class Commands:
-    """Sends inputs as the message that the robot's kind is commanded by.
+    """Sends inputs as the message by which the robot's type is commanded.
 
     As long as the motor loop does not say that this commander holds the robot, each command
     offers to begin a sequence; that also takes the robot again after its watchdog has stopped it.
@@ -108,7 +108,7 @@ class Commands:
     Raises
     ------
     LabStateError
-        If the kind has no such message.
+        If the robot's type has no such message.
     PluginError
         If its channel carries another one.
     """
@@ -126,13 +126,13 @@ class Commands:
         port.subscribe(channels.ONBOARD_STATUS, self._on_onboard)
 
     def send(self, u: Sequence[float], utime: int) -> None:
-        """Send an input (m,), as the kind has it."""
+        """Send an input (m,) in the units of the robot's inputs."""
         intent = lcmtypes.velocity_command_t.CONTINUE
         if not self._holds:
             intent = lcmtypes.velocity_command_t.BEGIN
         self._send(u, utime, intent)
 
-    def rest(self, utime: int) -> None:
+    def release_if_held(self, utime: int) -> None:
         """Bring the robot to rest and give it up, as long as the motor loop says it is held."""
         if self._holds:
             self.release(utime)

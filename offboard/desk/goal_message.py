@@ -1,4 +1,4 @@
-"""Where a robot may be sent."""
+"""The message that sends a robot to a goal, and which goals are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What forbids driving."""
+"""Why the robot must not be driven, and whether that passes by itself."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person orders, said again until the robot obeys: UDP loses messages."""
+"""Orders of a person (stop, release, goal), sent until the robot obeys: UDP loses messages."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ WAIT_S = 0.02
 """Between tries; two seconds in all."""
 
 
-class Speaker(Protocol):
-    """A process's mouth on the bus."""
+class Sender(Protocol):
+    """What an order needs of the bus: to publish, and the time."""
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message."""
@@ -27,14 +27,14 @@ class Speaker(Protocol):
 
 
 class Order(Generic[M]):
-    """One order on its way.
+    """One order, which is sent again until it is obeyed.
 
     Parameters
     ----------
     channel
-        It is said on.
+        On which it is sent.
     message
-        Returns it, stamped with a time (us).
+        Returns the message, stamped with a time (us).
     obeyed
         Returns whether the robot says that it obeys.
     """
@@ -45,16 +45,16 @@ class Order(Generic[M]):
         self._channel = channel
         self._message = message
         self._obeyed = obeyed
-        self._said = 0
+        self._sent_times = 0
 
-    def step(self, speaker: Speaker) -> bool | None:
-        """Say it once more; return whether it was obeyed, None as long as that is open."""
-        if self._said and self._obeyed():
+    def step(self, sender: Sender) -> bool | None:
+        """Send it once more; return whether it was obeyed, None as long as that is open."""
+        if self._sent_times and self._obeyed():
             return True
-        if self._said == TRIES:
+        if self._sent_times == TRIES:
             return False
-        self._said += 1
-        speaker.publish(self._channel, self._message(speaker.now_us()))
+        self._sent_times += 1
+        sender.publish(self._channel, self._message(sender.now_us()))
         return None
 
 

@@ -20,11 +20,11 @@ def reset_message(pose: Pose, utime: int) -> lcmtypes.plant_reset_t:
     return message
 
 
-def stands(pose: Pose, start: Pose, accuracy: Placement) -> bool:
+def stands_at(pose: Pose, start: Pose, accuracy: Placement) -> bool:
     """Return whether a measured pose is one of a robot placed at ``start``."""
-    off = relative_to(start, pose)
+    deviation = relative_to(start, pose)
     # The accuracy holds for each axis of the inertial frame; turned, its diagonal can come along.
     return (
-        math.hypot(off.x1, off.x2) <= math.sqrt(2.0) * accuracy.position_m + NOISE_M
-        and abs(off.theta) <= accuracy.angle_rad + NOISE_RAD
+        math.hypot(deviation.x1, deviation.x2) <= math.sqrt(2.0) * accuracy.position_m + NOISE_M
+        and abs(deviation.theta) <= accuracy.angle_rad + NOISE_RAD
     )

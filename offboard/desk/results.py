@@ -1,4 +1,4 @@
-"""What sessions bring: the outcome that the commanding node tells, and the summary of the run.
+"""What sessions bring: the outcome that the commanding node writes, and the summary of the run.
 
 An outcome is what the node's process writes into its ``--result`` file and the session reads back.
 A summary is ``summary.json``, without what every run folder says (robot, seed, version, revision).

@@ -13,8 +13,8 @@ from koopman_lab.data.decode import SessionLog
 from koopman_lab.errors import LabError
 from offboard.desk.results import CalibrationOutcome, CalibrationSummary
 from offboard.lab.run_folder import RunFolder
-from offboard.lab.session import run_session
 from offboard.lab.session_kind import Progress, SessionKind
+from offboard.lab.session_runner import run_session
 from offboard.sampler.node import SamplerNode
 from offboard.sampler.resume import Interrupted, interrupted
 
@@ -78,7 +78,7 @@ class Calibration(SessionKind[SamplerNode, CalibrationOutcome]):
         note = f"{sampler.frames} samples, {elapsed_s:.0f} s of virtual time"
         return Progress(sampler.done, sampler.total, note)
 
-    def progress_told(
+    def progress_reported(
         self, state: lcmtypes.sampler_state_t, elapsed_s: float, config: LabConfig
     ) -> Progress:
         """Return how many segments are recorded, by the sampler's message."""
@@ -118,7 +118,7 @@ def calibrate(
     folder
         Takes the files.
     listener
-        This process's ear on the bus; None for lockstep.
+        Of this process; None for lockstep.
     session
         The session in the folder that is to go on; None to begin one.
 
@@ -135,7 +135,7 @@ def calibrate(
         lockstep=listener is None,
         times_real_time=run.times_real_time,
         duration_s=log.duration_s,
-        samples=_samples(log, complete=run.outcome.complete),
+        samples=_sample_counts(log, complete=run.outcome.complete),
         clock_error_s=log.clock_error_s(),
         messages_lost=sum(
             # Beside the logger of `klab up` two number these channels, each on its own.
@@ -148,7 +148,7 @@ def calibrate(
     return summary
 
 
-def _samples(log: SessionLog, *, complete: bool) -> dict[str, int]:
+def _sample_counts(log: SessionLog, *, complete: bool) -> dict[str, int]:
     """Return the number of pairs by basis input; of a part of a session there may be none."""
     try:
         return {str(index): len(x) for index, x in DataSet.from_log(log).X.items()}

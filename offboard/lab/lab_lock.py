@@ -1,4 +1,4 @@
-"""Of commands that would start plant and onboard loop of a robot at the same moment, one does."""
+"""A lock by which only one command of this machine starts plant and onboard loop of a robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Builds nodes by the table of processes, and of them the lab on virtual time."""
+"""The nodes of a lab on virtual time, built by the table of processes."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import Pose
 from koopman_lab.units import US_PER_S
-from offboard.desk.placing import reset_message, stands
+from offboard.desk.placing import reset_message, stands_at
 
 TRIES = 20
 FRAMES_PER_TRY = 60
@@ -26,33 +26,33 @@ def place(listener: Listener, config: LabConfig, start: Pose, *, by_hand: bool) 
     LabStateError
         If the cameras are silent, or do not see the robot there.
     """
-    seen: list[lcmtypes.mocap_pose_t] = []
-    listener.subscribe(MOCAP_POSE, seen.append)
+    frames: list[lcmtypes.mocap_pose_t] = []
+    listener.subscribe(MOCAP_POSE, frames.append)
     for _ in range(1 if by_hand else TRIES):
         asked_us = listener.now_us()
         if not by_hand:
             listener.publish(PLANT_RESET, reset_message(start, asked_us))
-        seen.clear()
-        heard, heard_us = 0, asked_us
-        while len(seen) < FRAMES_PER_TRY:
+        frames.clear()
+        frame_count, newest_us = 0, asked_us
+        while len(frames) < FRAMES_PER_TRY:
             listener.spin(SILENT_S / 4.0)
             now_us = listener.now_us()
-            if len(seen) > heard:
-                heard, heard_us = len(seen), now_us
+            if len(frames) > frame_count:
+                frame_count, newest_us = len(frames), now_us
             # Heartbeats go on when the cameras do not, so it is their silence that counts.
-            elif now_us - heard_us > SILENT_S * US_PER_S:
+            elif now_us - newest_us > SILENT_S * US_PER_S:
                 raise LabStateError(
                     f"{MOCAP_POSE.name(config.robot.name)}: silent; are the cameras running?"
                 )
-            if any(_shows(m, start, config) for m in seen if m.utime > asked_us):
+            if any(_shows_robot_at(m, start, config) for m in frames if m.utime > asked_us):
                 return
-    place_it = "place it there by hand" if by_hand else "is another plant on this bus?"
+    remedy = "place it there by hand" if by_hand else "is another plant on this bus?"
     raise LabStateError(
         f"the cameras do not see the robot at x1 {start.x1:g} m, x2 {start.x2:g} m, "
-        f"theta {math.degrees(start.theta):g} deg; {place_it}"
+        f"theta {math.degrees(start.theta):g} deg; {remedy}"
     )
 
 
-def _shows(frame: lcmtypes.mocap_pose_t, start: Pose, config: LabConfig) -> bool:
+def _shows_robot_at(frame: lcmtypes.mocap_pose_t, start: Pose, config: LabConfig) -> bool:
     pose = Pose(frame.x1_m, frame.x2_m, frame.theta_rad)
-    return frame.tracking_valid and stands(pose, start, config.placement)
+    return frame.tracking_valid and stands_at(pose, start, config.placement)

@@ -33,7 +33,7 @@ KLAB = ("klab", "offboard.cli.main", "cli/main.py")
 
 
 class ProcessNote:
-    """Of one command that starts processes of a robot.
+    """What one command notes of the processes it starts for a robot.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class ProcessNote:
     def started(self, name: str, pid: int) -> None:
         """Note a process; the first one takes the place of what broke before."""
         if not self._facts["processes"]:
-            for file, facts in _broken(self._facts["bus"]):
+            for file, facts in _notes_left_behind(self._facts["bus"]):
                 if facts["robot"] == self._facts["robot"]:
                     file.unlink(missing_ok=True)
         self._facts["processes"][name] = pid
@@ -70,7 +70,7 @@ class ProcessNote:
         self._facts["died"] = {"name": name, "ended": ended, "utime": now_us}
         self._write()
 
-    def over(self) -> None:
+    def close(self) -> None:
         """Take the note away, unless a process died."""
         if self._facts["died"] is None:
             with contextlib.suppress(OSError):
@@ -82,9 +82,9 @@ class ProcessNote:
             write_json(self._file, self._facts)
 
 
-def commands(config: LabConfig) -> dict[int, set[str]]:
+def running_commands(config: LabConfig) -> dict[int, set[str]]:
     """Return the commands of this machine that run processes of a robot now, and which they ran."""
-    found = {}
+    names_by_pid = {}
     for file in (cache_folder() / FOLDER).glob(f"{lab_key(config)}-*.json"):
         try:
             facts = json.loads(file.read_text())
@@ -92,11 +92,11 @@ def commands(config: LabConfig) -> dict[int, set[str]]:
         except (OSError, ValueError, KeyError, TypeError):
             continue  # as in `_broken`
         if host == socket.gethostname() and alive(pid) and is_klab(pid):
-            found[pid] = names
-    return found
+            names_by_pid[pid] = names
+    return names_by_pid
 
 
-def broken(url: str, now_us: int) -> dict[str, list[ProcessState]]:
+def broken_labs(url: str, now_us: int) -> dict[str, list[ProcessState]]:
     """Return by robot the processes of labs on a bus that broke on this machine.
 
     Parameters
@@ -106,53 +106,55 @@ def broken(url: str, now_us: int) -> dict[str, list[ProcessState]]:
     now_us
         Present time (us).
     """
-    found: dict[str, list[ProcessState]] = {}
-    for _, facts in _broken(url):
-        entries = found.setdefault(facts["robot"], [])
+    states_by_robot: dict[str, list[ProcessState]] = {}
+    for _, facts in _notes_left_behind(url):
+        entries = states_by_robot.setdefault(facts["robot"], [])
         folder, died = RunFolder(Path(facts["folder"])), facts["died"]
-        how = f"killed with process {facts['supervisor_pid']}, which had started it"
+        killed_text = f"killed with process {facts['supervisor_pid']}, which had started it"
         for row in in_stop_order():
             pid = facts["processes"].get(row.name)
             if pid is None or (died is not None and died["name"] != row.name):
                 continue  # the others were ended in order, because this one died
             log = folder.process_log(row.name)
-            ended, utime = (how, _written_us(folder.log, log)) if died is None else (
+            ended, utime = (killed_text, _last_written_us(folder.log, log)) if died is None else (
                 died["ended"], died["utime"]
             )  # fmt: skip
-            told = lcmtypes.process_t()
-            told.utime, told.name, told.pid = utime, row.name, pid
-            told.state, told.ended, told.log_file = told.DIED, ended, str(log)
-            told.host, told.supervisor_pid = socket.gethostname(), facts["supervisor_pid"]
-            told.last_lines = "\n".join(last_lines(log))
-            nothing = (None, None, None)
+            report = lcmtypes.process_t()
+            report.utime, report.name, report.pid = utime, row.name, pid
+            report.state, report.ended, report.log_file = report.DIED, ended, str(log)
+            report.host, report.supervisor_pid = socket.gethostname(), facts["supervisor_pid"]
+            report.last_lines = "\n".join(last_lines(log))
+            no_heartbeat = (None, None, None)
             age_s = (now_us - utime) / US_PER_S
             if age_s > FORGOTTEN_S:
                 continue
             entries.append(
-                ProcessState(row.name, DIED, pid, age_s, *nothing, row.needs, row.stopped_by, told)
+                ProcessState(
+                    row.name, DIED, pid, age_s, *no_heartbeat, row.needs, row.stopped_by, report
+                )
             )
-    return found
+    return states_by_robot
 
 
-def with_broken(
-    heard: dict[str, list[ProcessState]], lost: dict[str, list[ProcessState]]
+def with_broken_labs(
+    heard: dict[str, list[ProcessState]], broken: dict[str, list[ProcessState]]
 ) -> dict[str, list[ProcessState]]:
     """Return who is heard, and beside them who is not any more because it broke.
 
     Who speaks and was started by hand has taken the place of what broke. A command would have taken
     the note away: what it says of its processes is about others of the same name.
     """
-    both = {name: list(entries) for name, entries in heard.items()}
-    for robot, entries in lost.items():
-        here = both.get(robot, [])
-        again = {e.name for e in here if e.state == ALIVE and e.told is None}
-        known = {e.pid for e in here if e.state in (ALIVE, DIED)}
-        gone = [e for e in entries if e.name not in again and e.pid not in known]
-        names = {e.name for e in gone}
-        rest = [e for e in here if e.state in (ALIVE, STARTING, DIED) or e.name not in names]
-        if gone:
-            both[robot] = rest + gone
-    return both
+    merged = {name: list(entries) for name, entries in heard.items()}
+    for robot, entries in broken.items():
+        present = merged.get(robot, [])
+        restarted = {e.name for e in present if e.state == ALIVE and e.report is None}
+        known_pids = {e.pid for e in present if e.state in (ALIVE, DIED)}
+        missing = [e for e in entries if e.name not in restarted and e.pid not in known_pids]
+        names = {e.name for e in missing}
+        kept = [e for e in present if e.state in (ALIVE, STARTING, DIED) or e.name not in names]
+        if missing:
+            merged[robot] = kept + missing
+    return merged
 
 
 def last_lines(file: Path) -> list[str]:
@@ -166,10 +168,10 @@ def last_lines(file: Path) -> list[str]:
 def is_klab(pid: int) -> bool:
     """Return whether a process is one of our commands; numbers are used again."""
     try:
-        words = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
+        arguments = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
     except OSError:
         return False
-    return any(word.endswith(KLAB) for word in words)
+    return any(argument.endswith(KLAB) for argument in arguments)
 
 
 def alive(pid: int) -> bool:
@@ -181,15 +183,15 @@ def alive(pid: int) -> bool:
     return line.rpartition(")")[2].split()[0] != "Z"
 
 
-def _broken(url: str) -> Iterator[tuple[Path, dict[str, Any]]]:
+def _notes_left_behind(url: str) -> Iterator[tuple[Path, dict[str, Any]]]:
     """Give the notes on a bus whose command has ended, but not as it should."""
     for file in sorted((cache_folder() / FOLDER).glob("*.json")):
         try:
             facts = json.loads(file.read_text())
-            pid, ours = facts["supervisor_pid"], facts["bus"] == url
+            pid, on_this_bus = facts["supervisor_pid"], facts["bus"] == url
         except (OSError, ValueError, KeyError, TypeError):
             continue  # written by another version, or just taken away
-        if ours and not (alive(pid) and is_klab(pid)):
+        if on_this_bus and not (alive(pid) and is_klab(pid)):
             yield file, facts
 
 
@@ -198,7 +200,7 @@ def lab_key(config: LabConfig) -> str:
     return hashlib.sha256(f"{config.bus.url}\0{config.robot.name}".encode()).hexdigest()[:16]
 
 
-def _written_us(*files: Path) -> int:
+def _last_written_us(*files: Path) -> int:
     """Return when one of these was last written (us), 0 where none is left."""
     times_ns = []
     for file in files:

@@ -1,4 +1,4 @@
-"""Modules of this package in processes of their own."""
+"""The command line that runs a module of this package in a process of its own."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 FLAGS = ("-P",) if sys.version_info >= (3, 11) else ()
 
 
-def command(module: str, *arguments: str | Path) -> list[str]:
+def module_command(module: str, *arguments: str | Path) -> list[str]:
     """Return the command that runs a module with this Python.
 
     The current folder is not searched for modules (from Python 3.11 on).

@@ -67,7 +67,7 @@ def controller(config: LabConfig, session: SessionLog, model: Path | None) -> No
 
 
 def _first_of(session: SessionLog, channel: Channel[Any]) -> Any:
-    """Return the first message of a node, which says what it was told to do.
+    """Return the first message of a node, which says what it was started for.
 
     Raises
     ------

@@ -12,8 +12,8 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.decode import SessionLog
 from offboard.desk.results import ReferenceOutcome, ReferenceSummary
 from offboard.lab.run_folder import RunFolder
-from offboard.lab.session import run_session
 from offboard.lab.session_kind import Progress, SessionKind
+from offboard.lab.session_runner import run_session
 from offboard.reference.node import ReferenceNode
 from offboard.reference.shapes import Shape
 
@@ -71,7 +71,7 @@ class ReferenceRuns(SessionKind[ReferenceNode, ReferenceOutcome]):
         done, total = node.driver.done, node.driver.total
         return Progress(done, total, f"{elapsed_s:.0f} s of virtual time" if done < total else "")
 
-    def progress_told(
+    def progress_reported(
         self, state: lcmtypes.reference_state_t, elapsed_s: float, config: LabConfig
     ) -> Progress:
         """Return how many runs are recorded, by the node's message, and what a person is to do."""
@@ -109,7 +109,7 @@ def drive_reference(
     folder
         Takes the files.
     listener
-        This process's ear on the bus; None for lockstep.
+        Of this process; None for lockstep.
     shape
         Of the runs.
 

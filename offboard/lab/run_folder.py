@@ -103,7 +103,7 @@ def new_folder(out: Path | None, what: str, config: LabConfig) -> RunFolder:
 def revision() -> str | None:
     """Return the git revision of the source tree, None where there is none."""
     try:
-        found = subprocess.run(
+        described = subprocess.run(
             ["git", "describe", "--always", "--dirty"],
             cwd=Path(__file__).parent,
             capture_output=True,
@@ -112,4 +112,4 @@ def revision() -> str | None:
         )
     except FileNotFoundError:
         return None
-    return found.stdout.strip() or None
+    return described.stdout.strip() or None

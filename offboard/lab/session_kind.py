@@ -1,8 +1,8 @@
-"""What tells one session from another; :func:`offboard.lab.session.run_session` runs any of them.
+"""What tells one kind of session from another; ``session_runner.run_session`` runs any of them.
 
 A kind of session is a class with the interface of :class:`SessionKind`. It says how the node that
-commands is made in this process and by which arguments in a process of its own, and how both tell
-how far they are. How the lab around it is started, watched and ended is the same for all.
+commands is made in this process and by which arguments in a process of its own, and how far
+both are. How the lab around it is started, watched and ended is the same for all.
 """
 
 from __future__ import annotations
@@ -77,8 +77,8 @@ class SessionKind(ABC, Generic[N, Outcome]):
         """Return how far a node in this process is, at ``elapsed_s`` of virtual time."""
 
     @abstractmethod
-    def progress_told(self, state: Any, elapsed_s: float, config: LabConfig) -> Progress:
-        """Return how far a node is that told so ``elapsed_s`` after its first word."""
+    def progress_reported(self, state: Any, elapsed_s: float, config: LabConfig) -> Progress:
+        """Return how far a node is by its message, ``elapsed_s`` after its first one."""
 
     @abstractmethod
     def has_begun(self, state: Any) -> bool:

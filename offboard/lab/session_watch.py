@@ -1,4 +1,4 @@
-"""Notices a robot with which a session cannot go on."""
+"""Watches whether a session can begin and go on: a robot that is held, stopped or silent."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ class RobotWatch:
         self._silence_s = ONBOARD_TIMEOUT_S + config.controller.pause_limit_s + REPORT_S
         self._heard_us: int | None = None
         self._stopped_us: int | None = None
-        self._why: str | None = None
+        self._reason: str | None = None
 
     def see(self, status: lcmtypes.onboard_status_t, now_us: int) -> None:
         """Take a status that arrived at ``now_us``."""
         self._heard_us = now_us
-        self._why = self._interlock(status)
-        if self._why is None:
+        self._reason = self._interlock(status)
+        if self._reason is None:
             self._stopped_us = None
         elif self._stopped_us is None:
             self._stopped_us = now_us
@@ -72,7 +72,7 @@ class RobotWatch:
                 "and does the radio reach it? A robot without commands stops by itself"
             )
         if self._stopped_us is not None and now_us - self._stopped_us > PATIENCE_S * US_PER_S:
-            raise LabStateError(f"{self._channel}: {self._why}")
+            raise LabStateError(f"{self._channel}: {self._reason}")
 
     def _interlock(self, status: lcmtypes.onboard_status_t) -> str | None:
         why = why_stopped(status)
@@ -83,7 +83,7 @@ class RobotWatch:
             )
         if self.commander is None or status.commander in (NOBODY, self.commander):
             return None
-        return held(status.commander)
+        return held_text(status.commander)
 
 
 class StartWatch:
@@ -102,9 +102,9 @@ class StartWatch:
     def __init__(self, node: str, waits_for: str, limit_s: float = START_LIMIT_S) -> None:
         self.begun = False
         """To be set when it has begun."""
-        self._says = f"{node}: has not begun within {limit_s:g} s; it waits for {waits_for}"
+        self._message = f"{node}: has not begun within {limit_s:g} s; it waits for {waits_for}"
         self._limit_us = round(limit_s * US_PER_S)
-        self._first_us: int | None = None
+        self._begun_us: int | None = None
 
     def check(self, now_us: int) -> None:
         """Look whether there is still something to wait for; the first look begins the wait.
@@ -114,13 +114,13 @@ class StartWatch:
         LabStateError
             If it has not begun within the limit.
         """
-        if self._first_us is None:
-            self._first_us = now_us
-        if not self.begun and now_us - self._first_us > self._limit_us:
-            raise LabStateError(self._says)
+        if self._begun_us is None:
+            self._begun_us = now_us
+        if not self.begun and now_us - self._begun_us > self._limit_us:
+            raise LabStateError(self._message)
 
 
-def held(commander: int) -> str:
+def held_text(commander: int) -> str:
     """Return what to say of a robot that another commander holds."""
     return (
         f"the robot is held by {commander_name(commander)}; let that session end, or name another "
@@ -157,12 +157,12 @@ def session_listener(config: LabConfig, *, lockstep: bool) -> Listener | None:
         robot.on_two_wheels()
     elif statuses[-1].commander != NOBODY:
         channel = ONBOARD_STATUS.name(config.robot.name)
-        raise LabStateError(f"{channel}: {held(statuses[-1].commander)}")
+        raise LabStateError(f"{channel}: {held_text(statuses[-1].commander)}")
     return listener
 
 
 class RobotWatchNode:
-    """The watch as a node, for lockstep, where the session has no ear of its own on the bus."""
+    """The watch as a node, for lockstep, where the session has no listener of its own."""
 
     name = "onlooker"
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import signal
 import socket
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -21,43 +20,21 @@ from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.units import US_PER_S
+from offboard.lab.child_process import KILLED, end_child, exit_text, silence_text
 from offboard.lab.process_notes import ProcessNote, last_lines
-from offboard.lab.python_process import command
+from offboard.lab.python_process import module_command
 from offboard.lab.run_folder import RunFolder
 from offboard.monitor.process_states import SILENT_S
 from offboard.terminal.output import err
 
-ASKED_BY = (signal.SIGINT, signal.SIGTERM)
-PATIENCE_S = 3.0
-"""Time that a process has to end after each of these signals, before SIGKILL ends it."""
-KILLED = f"killed by SIGKILL, {PATIENCE_S:g} s after SIGTERM and {2 * PATIENCE_S:g} s after SIGINT"
 READY_LIMIT_S = 30.0
 """Importing the solver on a busy board takes seconds."""
-LISTEN_S = 1.2
-"""More than two heartbeats, to know who is there already."""
 LONGEST_LINE = 200
 """Characters of each of the last lines that go over the bus."""
 FAREWELLS = 3
 """How a process ended is said this often: UDP loses messages, and nobody says it later."""
-SHOWN_S = 1.0
+ONLOOKER_S = 1.0
 """So long who only looks on, as the page, goes on after a process died, to say so."""
-SCARCE_BYTES = 1 << 16
-"""With less room than this on its disk, a process may have had none for its last words."""
-
-
-def present(listener: Listener) -> set[str]:
-    """Listen for a moment and return the nodes of this robot that speak on the bus."""
-    heard: dict[str, int] = {}
-    for name, channel in HEARTBEATS.items():
-        listener.subscribe(channel, _note(name, heard))
-    # What waited in the queue may be from processes that have ended since.
-    while listener.spin(0.0):
-        pass
-    heard.clear()
-    end_s = time.monotonic() + LISTEN_S
-    while (left_s := end_s - time.monotonic()) > 0:
-        listener.spin(left_s)
-    return set(heard)
 
 
 class Supervisor:
@@ -74,7 +51,7 @@ class Supervisor:
     folder
         Takes the processes' own logs.
     listener
-        This process's ear on the bus.
+        Of this process.
     """
 
     def __init__(self, config: LabConfig, folder: RunFolder, listener: Listener) -> None:
@@ -89,7 +66,7 @@ class Supervisor:
         self._note = ProcessNote(config, folder)
         self._lifeline_read, self._lifeline_write = os.pipe()
         for name, channel in HEARTBEATS.items():
-            listener.subscribe(channel, partial(self._hear, name))
+            listener.subscribe(channel, partial(self._on_heartbeat, name))
 
     def start(self, name: str, *arguments: str | Path, pass_fds: Sequence[int] = ()) -> None:
         """Start a node; its standard output and error go to its file in the run folder.
@@ -101,7 +78,7 @@ class Supervisor:
         LabStateError
             If that file cannot be written.
         """
-        node = command(
+        command_line = module_command(
             *("offboard.cli.main", "run", name, "--config", self._folder.config),
             *("--lifeline-fd", str(self._lifeline_read), *arguments),
         )
@@ -116,7 +93,7 @@ class Supervisor:
             ) from None
         with log:
             self._children[name] = subprocess.Popen(
-                node,
+                command_line,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
@@ -158,12 +135,12 @@ class Supervisor:
             code = child.poll()
             if code is None or (code == 0 and process(name).commands):
                 continue
-            file, how = self._folder.process_log(name), _how(code)
+            file, how = self._folder.process_log(name), exit_text(code)
             lines = last_lines(file)
             self._note_end(name, lcmtypes.process_t.DIED, how)
             self._announce(FAREWELLS)
             self._note.died(name, how, self._announced_us)
-            last = "\n".join(f"    {line}" for line in lines) or f"    ({_nothing_said(file)})"
+            last = "\n".join(f"    {line}" for line in lines) or f"    ({silence_text(file)})"
             raise LabStateError(f"{name} died ({how}); {file} ends with:\n{last}")
         if self._listener.now_us() >= self._announced_us + self._period_us():
             self._announce()
@@ -182,36 +159,36 @@ class Supervisor:
             if process(name).stops is Stop.ONLOOKER and any(
                 state == lcmtypes.process_t.DIED for state, _ in self._ended.values()
             ):
-                time.sleep(SHOWN_S)
-            killed = _stop(self._children[name])
+                time.sleep(ONLOOKER_S)
+            killed = end_child(self._children[name])
             code = self._children[name].returncode
-            how = KILLED if killed else "" if code is None else _how(code)
+            how = KILLED if killed else "" if code is None else exit_text(code)
             self._note_end(name, lcmtypes.process_t.FINISHED, how)
             if killed:
                 with contextlib.suppress(OSError):  # of a terminal that was closed
                     err.print(f"{name} did not end by itself: {KILLED}")
             self._announce()
         self._announce(FAREWELLS)
-        self._note.over()
+        self._note.close()
         os.close(self._lifeline_write)
         os.close(self._lifeline_read)
 
-    def _hear(self, name: str, beat: lcmtypes.node_status_t) -> None:
+    def _on_heartbeat(self, name: str, beat: lcmtypes.node_status_t) -> None:
         """Take a heartbeat; the logger of another command is none of ours."""
         if name in self._children and beat.pid == self._children[name].pid:
             self._heard_us[name] = self._listener.now_us()
 
-    def _state(self, name: str) -> int:
-        """Return how a child is that has not ended: there, still starting, or hung."""
-        told = lcmtypes.process_t
+    def _state_unless_ended(self, name: str) -> int:
+        """Return how a child is that has not ended: running, starting or silent."""
+        process_t = lcmtypes.process_t
         if name not in HEARTBEATS:
-            return told.RUNNING
+            return process_t.RUNNING
         heard_us = self._heard_us.get(name)
         if heard_us is None:
             age_s = (self._announced_us - self._started_us[name]) / US_PER_S
-            return told.STARTING if age_s <= READY_LIMIT_S else told.SILENT
+            return process_t.STARTING if age_s <= READY_LIMIT_S else process_t.SILENT
         age_s = (self._announced_us - heard_us) / US_PER_S
-        return told.RUNNING if age_s <= SILENT_S else told.SILENT
+        return process_t.RUNNING if age_s <= SILENT_S else process_t.SILENT
 
     def _note_end(self, name: str, state: int, how: str) -> None:
         """Keep how a child ended; the first word counts."""
@@ -230,8 +207,11 @@ class Supervisor:
             message.supervisor_pid = os.getpid()
             message.log_file = str(self._folder.process_log(name).absolute())
             if child.poll() == 0 and process(name).commands:
-                self._note_end(name, message.FINISHED, _how(0))
-            message.state, message.ended = self._ended.get(name) or (self._state(name), "")
+                self._note_end(name, message.FINISHED, exit_text(0))
+            message.state, message.ended = self._ended.get(name) or (
+                self._state_unless_ended(name),
+                "",
+            )
             if message.state == message.DIED:
                 lines = last_lines(self._folder.process_log(name))
                 message.last_lines = "\n".join(line[:LONGEST_LINE] for line in lines)
@@ -261,11 +241,11 @@ def supervised(config: LabConfig, folder: RunFolder, listener: Listener) -> Iter
 
 
 def start_missing(
-    supervisor: Supervisor, there: set[str], folder: RunFolder, *, resume: bool = False
+    supervisor: Supervisor, present: set[str], folder: RunFolder, *, resume: bool = False
 ) -> None:
-    """Start the logger, and plant and onboard loop unless a robot is there; wait until ready.
+    """Start the logger, and plant and onboard loop unless they are present; wait until ready.
 
-    With ``resume`` the logger goes on behind the log that is there.
+    With ``resume`` the logger goes on behind the log of the run folder.
 
     Raises
     ------
@@ -274,7 +254,7 @@ def start_missing(
     LabStateError
         If one does not start.
     """
-    names = ["logger"] if "onboard" in there else ["logger", "plant", "onboard"]
+    names = ["logger"] if "onboard" in present else ["logger", "plant", "onboard"]
     if "plant" in names:
         supervisor.config.require_simulation()
     supervisor.start("logger", "--folder", folder.path, *(["--resume"] if resume else []))
@@ -283,40 +263,6 @@ def start_missing(
     supervisor.wait_ready(*names)
 
 
-def _note(name: str, heard: dict[str, int]) -> Callable[[lcmtypes.node_status_t], None]:
-    """Return a handler that keeps the process id of who speaks as ``name``."""
-
-    def note(status: lcmtypes.node_status_t) -> None:
-        heard[name] = status.pid
-
-    return note
-
-
-def _how(code: int) -> str:
-    """Return in words what the exit code of a child says; a negative one is a signal."""
-    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-
-
-def _nothing_said(file: Path) -> str:
-    """Return what to say of a process that left no last words in its file."""
-    if shutil.disk_usage(file.parent).free < SCARCE_BYTES:
-        return f"not a word: the disk of {file.parent} is full; make room on it"
-    return "it said nothing"
-
-
 def _interrupt(number: int, frame: FrameType | None) -> None:
     del number, frame
     raise KeyboardInterrupt
-
-
-def _stop(child: subprocess.Popen[bytes]) -> bool:
-    """End a process and wait until it is gone; return whether only SIGKILL did."""
-    for number in ASKED_BY:
-        if child.poll() is not None:
-            return False
-        child.send_signal(number)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            child.wait(PATIENCE_S)
-    child.kill()
-    # How long the kernel of a busy machine takes for that is no matter of patience.
-    return child.wait() == -signal.SIGKILL

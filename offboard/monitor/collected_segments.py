@@ -14,7 +14,7 @@ MOST_POINTS = 200
 Point = tuple[float, float]
 
 
-class Path(NamedTuple):
+class SegmentPath(NamedTuple):
     """Where one segment led: points in m, and the basis input's index in the paper."""
 
     basis_index: int
@@ -29,22 +29,22 @@ class CollectedSegments:
     """
 
     def __init__(self) -> None:
-        self.paths: History[Path] = History(MOST_SEGMENTS)
+        self.paths: History[SegmentPath] = History(MOST_SEGMENTS)
         self._run: tuple[int, int] | None = None
         self._points: list[Point] = []
         self._done = 0
 
-    def see(self, state: lcmtypes.sampler_state_t, where: Point | None) -> None:
+    def take(self, state: lcmtypes.sampler_state_t, position: Point | None) -> None:
         """Take a state of the sampler, and where the robot is, if that is known."""
         if state.segments_done < self._done:  # another session
             self.paths.clear()
             self._run, self._points = None, []
         elif state.segments_done > self._done and self._run is not None and self._points:
-            self.paths.append(Path(self._run[1], self._points))
+            self.paths.append(SegmentPath(self._run[1], self._points))
             self._run, self._points = None, []
         self._done = state.segments_done
         run = (state.segment, state.basis_index) if state.phase == state.BASIS else None
         if run is not None and run != self._run:
             self._run, self._points = run, []
-        if run is not None and where is not None and len(self._points) < MOST_POINTS:
-            self._points.append(where)
+        if run is not None and position is not None and len(self._points) < MOST_POINTS:
+            self._points.append(position)

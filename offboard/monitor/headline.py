@@ -1,4 +1,4 @@
-"""What a person reads first: one line that says what the lab is doing, and what is wrong."""
+"""What a person reads first: what a robot is doing in one line, and what is wrong."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from offboard.desk.commander import why_stopped
 from offboard.monitor.process_states import DIED, FINISHED, ProcessState
 from offboard.monitor.streams import Stream
 
-STATES = ("at rest", "driving", "stopped by the watchdog", "EMERGENCY STOP", "FAULT")
+MOTOR_LOOP_STATES = ("at rest", "driving", "stopped by the watchdog", "EMERGENCY STOP", "FAULT")
 """By the numbers of ``onboard_status_t``."""
-PHASES = (
+SAMPLER_PHASES = (
     "waiting for robot, cameras and logger",
     "turning towards the next start",
     "driving to the next start",
@@ -29,9 +29,16 @@ PHASES = (
     "complete",
 )
 """By the numbers of ``sampler_state_t``."""
-RUN_PHASES = ("waiting", "placing the robot", "settling", "driving", "braking", "complete")
+REFERENCE_PHASES = ("waiting", "placing the robot", "settling", "driving", "braking", "complete")
 """By the numbers of ``reference_state_t``."""
-STEPS = ("waiting", "driving", "parked", "gave up at the time limit", "failed", "paused")
+CONTROLLER_STATES = (
+    "waiting",
+    "driving",
+    "parked",
+    "gave up at the time limit",
+    "failed",
+    "paused",
+)
 """By the numbers of ``mpc_state_t``."""
 PERIODS = 5
 """So many messages in a row may be late before a stream counts as stale."""
@@ -40,45 +47,45 @@ FORGOTTEN_S = 30.0
 """So long a commander that fell silent is news; the robot stands, and others may drive it."""
 
 
-def word(names: Sequence[str], number: int) -> str:
-    """Return the word for a number of a message, also where the message is nonsense."""
+def state_name(names: Sequence[str], number: int) -> str:
+    """Return the name for a number of a message, also where the message is nonsense."""
     return names[number] if 0 <= number < len(names) else f"state {number}"
 
 
-def standing(status: lcmtypes.onboard_status_t) -> str:
+def motor_loop_text(status: lcmtypes.onboard_status_t) -> str:
     """Return what the motor loop does."""
     if status.state == status.FAULT and 0 <= status.fault < 5:
         return f"FAULT: {why_stopped(status)}"
-    return word(STATES, status.state)
+    return state_name(MOTOR_LOOP_STATES, status.state)
 
 
-def held_by(status: lcmtypes.onboard_status_t) -> str | None:
+def stop_text(status: lcmtypes.onboard_status_t) -> str | None:
     """Return what holds the robot in words, also where the message is nonsense."""
     if status.state in (status.ESTOP, status.FAULT):
-        return standing(status).removeprefix("FAULT: ").lower()
+        return motor_loop_text(status).removeprefix("FAULT: ").lower()
     return None
 
 
-def sampling(state: lcmtypes.sampler_state_t) -> str:
+def calibration_text(state: lcmtypes.sampler_state_t) -> str:
     """Return what a calibration session does."""
     if state.phase == state.DONE:
         return f"calibration complete: {state.segments_done} segments"
-    doing = word(PHASES, state.phase)
+    doing = state_name(SAMPLER_PHASES, state.phase)
     if state.phase == state.BASIS:
         doing += f" {state.basis_index}"
     run = min(state.segments_done + 1, state.segments_total)
     return f"calibrating, segment {run} of {state.segments_total}: {doing}"
 
 
-def referring(state: lcmtypes.reference_state_t) -> str:
+def reference_text(state: lcmtypes.reference_state_t) -> str:
     """Return what a session of reference runs does."""
     run = min(state.runs_done + 1, state.runs_total)
-    return f"reference run {run} of {state.runs_total}: {word(RUN_PHASES, state.phase)}"
+    return f"reference run {run} of {state.runs_total}: {state_name(REFERENCE_PHASES, state.phase)}"
 
 
-def parking(state: lcmtypes.mpc_state_t) -> str:
+def parking_text(state: lcmtypes.mpc_state_t) -> str:
     """Return what a parking run does."""
-    doing = word(STEPS, state.state)
+    doing = state_name(CONTROLLER_STATES, state.state)
     if state.state in (state.DRIVING, state.PAUSED):
         distance_m = math.hypot(*state.state_in_goal_frame[:2])
         if math.isfinite(distance_m):
@@ -86,7 +93,7 @@ def parking(state: lcmtypes.mpc_state_t) -> str:
     return f"parking: {doing}"
 
 
-def excused(entries: Sequence[ProcessState], *, at_rest: bool) -> set[str]:
+def rightly_silent(entries: Sequence[ProcessState], *, at_rest: bool) -> set[str]:
     """Return the publishers that nobody misses: their work is done, or nobody drives.
 
     Parameters
@@ -96,15 +103,15 @@ def excused(entries: Sequence[ProcessState], *, at_rest: bool) -> set[str]:
     at_rest
         Whether the motor loop says that nobody commands the robot and that it rests.
     """
-    over = {entry.name for entry in entries if entry.state == FINISHED}
+    silent = {entry.name for entry in entries if entry.state == FINISHED}
     commanding = {entry.name for entry in entries} & commanders()
     if at_rest:
-        over |= commanders()
-    return over | {COMMANDER} if commanding <= over else over
+        silent |= commanders()
+    return silent | {COMMANDER} if commanding <= silent else silent
 
 
-def stale(
-    streams: Sequence[Stream], config: LabConfig, over: Collection[str], now_us: int
+def stale_streams(
+    streams: Sequence[Stream], config: LabConfig, silent: Collection[str], now_us: int
 ) -> list[tuple[Stream, float]]:
     """Return each stream that should flow and does not, with its age (s).
 
@@ -114,23 +121,23 @@ def stale(
         All that were ever heard.
     config
         Says how often each should speak.
-    over
+    silent
         Publishers that nobody misses.
     now_us
         Time (us).
     """
-    found = []
+    rows = []
     for stream in streams:
         rate_hz, channel = stream.nominal_hz(config), stream.channel
         if rate_hz is None or channel is None or _is_exchange(channel):
             continue
         age_s = (now_us - stream.heard_us) / US_PER_S
         passing = channel.publisher in {COMMANDER, *commanders()}
-        if channel.publisher in over or (passing and age_s > FORGOTTEN_S):
+        if channel.publisher in silent or (passing and age_s > FORGOTTEN_S):
             continue
         if age_s > max(PERIODS / rate_hz, SOONEST_STALE_S):
-            found.append((stream, age_s))
-    return found
+            rows.append((stream, age_s))
+    return rows
 
 
 def _is_exchange(channel: Channel[Any]) -> bool:
@@ -140,7 +147,7 @@ def _is_exchange(channel: Channel[Any]) -> bool:
 
 def banners(
     entries: Sequence[ProcessState],
-    stale_streams: Sequence[tuple[Stream, float]],
+    overdue: Sequence[tuple[Stream, float]],
     *,
     lost_view: bool,
 ) -> list[str]:
@@ -150,23 +157,23 @@ def banners(
     ----------
     entries
         All processes.
-    stale_streams
-        From :func:`stale`.
+    overdue
+        From :func:`stale_streams`.
     lost_view
         Whether the cameras do not see the robot.
     """
     lines = [
-        f"{died(entry.told)}; the table of processes says what it said last"
+        f"{died(entry.report)}; the table of processes says what it said last"
         for entry in entries
-        if entry.state == DIED and entry.told is not None
+        if entry.state == DIED and entry.report is not None
     ]
     by_publisher: dict[str, list[tuple[Stream, float]]] = {}
-    for stream, age_s in stale_streams:
+    for stream, age_s in overdue:
         who = "" if stream.channel is None else stream.channel.publisher
         by_publisher.setdefault(who, []).append((stream, age_s))
-    for publisher, those in by_publisher.items():
-        names = ", ".join(sorted(stream.name for stream, _ in those))
-        longest_s = max(age_s for _, age_s in those)
+    for publisher, flows in by_publisher.items():
+        names = ", ".join(sorted(stream.name for stream, _ in flows))
+        longest_s = max(age_s for _, age_s in flows)
         lines.append(f"stale for {longest_s:.0f} s, from the {publisher}: {names}")
     if lost_view:
         lines.append("the cameras do not see the robot")

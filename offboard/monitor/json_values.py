@@ -1,4 +1,4 @@
-"""What the page is told, as JSON can hold it: no NaN, no infinity, six digits."""
+"""Values of the page's snapshot as JSON can hold them: no NaN, no infinity, six digits."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import lcmtypes
 from koopman_lab.config.schema import LabConfig, StateSet
-from offboard.monitor.headline import PHASES, word
+from offboard.monitor.headline import SAMPLER_PHASES, state_name
 from offboard.monitor.process_states import ProcessState
 from offboard.monitor.streams import Flow
 
@@ -38,26 +38,26 @@ def flow_row(flow: Flow) -> dict[str, Any]:
     return row
 
 
-def entry_row(entry: ProcessState) -> dict[str, Any]:
+def process_row(entry: ProcessState) -> dict[str, Any]:
     """Return a process as JSON can hold it."""
     row = entry._asdict()
-    told = row.pop("told")
+    report = row.pop("report")
     row["age_s"] = number(entry.age_s)
-    row["ended"] = "" if told is None else told.ended
-    row["log_file"] = "" if told is None else told.log_file
-    row["last_lines"] = "" if told is None else told.last_lines
+    row["ended"] = "" if report is None else report.ended
+    row["log_file"] = "" if report is None else report.log_file
+    row["last_lines"] = "" if report is None else report.last_lines
     return row
 
 
-def horizon(mpc: lcmtypes.mpc_state_t) -> list[Numbers]:
+def predicted_points(mpc: lcmtypes.mpc_state_t) -> list[Numbers]:
     """Return the predicted points (m)."""
     return [numbers(*p) for p in zip(mpc.predicted_x1_m, mpc.predicted_x2_m, strict=True)]
 
 
-def progress(state: lcmtypes.sampler_state_t) -> dict[str, Any]:
+def sampler_progress(state: lcmtypes.sampler_state_t) -> dict[str, Any]:
     """Return how far a calibration session is."""
     return {
-        "phase": word(PHASES, state.phase),
+        "phase": state_name(SAMPLER_PHASES, state.phase),
         "done": state.segments_done,
         "total": state.segments_total,
         "samples": state.samples,
@@ -65,17 +65,20 @@ def progress(state: lcmtypes.sampler_state_t) -> dict[str, Any]:
     }
 
 
-def box(states: StateSet) -> dict[str, list[float]]:
+def floor_box(states: StateSet) -> dict[str, list[float]]:
     """Return a set as it lies on the floor (m)."""
     return {"x1_m": list(states.x1_m), "x2_m": list(states.x2_m)}
 
 
-def settled(config: LabConfig) -> dict[str, Any]:
+def config_facts(config: LabConfig) -> dict[str, Any]:
     """Return what the page shows of a robot's configuration, the same from message to message."""
     return {
         "kind": config.robot.kind,
         "interval_ms": number(config.controller.dt_s * 1e3),
         "robot": config.robot.model_dump(mode="json"),
         "floor": config.controller.goal_area.model_dump(mode="json"),
-        "sets": {"X0": box(config.sampler.draw_set), "Z": box(config.sampler.admissible_set)},
+        "sets": {
+            "X0": floor_box(config.sampler.draw_set),
+            "Z": floor_box(config.sampler.admissible_set),
+        },
     }

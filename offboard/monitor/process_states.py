@@ -1,4 +1,4 @@
-"""Who is alive: heartbeats, and what the commands that started processes say of them."""
+"""The state of each process of a robot: by its heartbeats, and by who started it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class ProcessState(NamedTuple):
         By its newest heartbeat; None for a process that has none.
     needs, stopped_by
         From the table of processes.
-    told
+    report
         What the command that started it said last, None if nobody said anything.
     """
 
@@ -48,33 +48,33 @@ class ProcessState(NamedTuple):
     worst_lateness_us: int | None
     needs: tuple[str, ...]
     stopped_by: str
-    told: lcmtypes.process_t | None
+    report: lcmtypes.process_t | None
 
 
-class _Known:
-    """What was heard and told of one process, with the times of arrival (us)."""
+class _Record:
+    """Heartbeats of one process and reports on it, with the times of arrival (us)."""
 
     def __init__(self, now_us: int) -> None:
-        self.first_us = self.last_us = self.heard_us = self.told_us = now_us
+        self.first_us = self.last_us = self.heard_us = self.reported_us = now_us
         self.beat: lcmtypes.node_status_t | None = None
-        self.told: lcmtypes.process_t | None = None
+        self.report: lcmtypes.process_t | None = None
 
-    def hear(self, beat: lcmtypes.node_status_t, now_us: int) -> None:
+    def take_heartbeat(self, beat: lcmtypes.node_status_t, now_us: int) -> None:
         self.beat, self.heard_us, self.last_us = beat, now_us, now_us
 
-    def tell(self, told: lcmtypes.process_t, now_us: int) -> None:
-        self.told, self.told_us, self.last_us = told, now_us, now_us
+    def take_report(self, report: lcmtypes.process_t, now_us: int) -> None:
+        self.report, self.reported_us, self.last_us = report, now_us, now_us
 
     def state(self, name: str, now_us: int) -> str:
-        """Return how it is; its own heartbeat weighs more than what was said of it."""
-        told = self.told
-        if told is not None and told.state in (told.FINISHED, told.DIED):
-            return DIED if told.state == told.DIED else FINISHED
-        newest_us = self.told_us if self.beat is None else self.heard_us
+        """Return how it is; its own heartbeat weighs more than what others report."""
+        report = self.report
+        if report is not None and report.state in (report.FINISHED, report.DIED):
+            return DIED if report.state == report.DIED else FINISHED
+        newest_us = self.reported_us if self.beat is None else self.heard_us
         if now_us - newest_us > SILENT_S * US_PER_S:
             return SILENT
-        if self.beat is None and told is not None and name in HEARTBEATS:
-            return {told.STARTING: STARTING, told.SILENT: SILENT}.get(told.state, ALIVE)
+        if self.beat is None and report is not None and name in HEARTBEATS:
+            return {report.STARTING: STARTING, report.SILENT: SILENT}.get(report.state, ALIVE)
         return ALIVE
 
     def age_s(self, name: str, state: str, now_us: int) -> float | None:
@@ -86,28 +86,31 @@ class _Known:
         elif name in HEARTBEATS and state != ALIVE:
             return None
         else:
-            newest_us = self.told_us
+            newest_us = self.reported_us
         return (now_us - newest_us) / US_PER_S
 
 
 class ProcessStates:
-    """Of one robot. Several processes may run the same node: each command has its own logger."""
+    """All processes of one robot.
+
+    Several may run the same node: each command has its own logger.
+    """
 
     def __init__(self) -> None:
-        self._known: dict[str, dict[int, _Known]] = {}
+        self._known: dict[str, dict[int, _Record]] = {}
 
-    def beat(self, name: str, data: bytes, arrived_us: int) -> None:
+    def take_heartbeat(self, name: str, data: bytes, arrived_us: int) -> None:
         """Take a heartbeat of a node; what is none says nothing."""
         latest = LatestMessage(HEARTBEATS[name])
         latest.take(data, arrived_us)
         beat = latest.read()
         if beat is not None:
-            self._of(name, beat.pid, arrived_us).hear(beat, arrived_us)
+            self._record_of(name, beat.pid, arrived_us).take_heartbeat(beat, arrived_us)
 
-    def tell(self, message: lcmtypes.process_t, arrived_us: int) -> None:
+    def take_report(self, message: lcmtypes.process_t, arrived_us: int) -> None:
         """Take what a command says of a process it started; names of no process say nothing."""
         if message.name in PROCESSES:
-            self._of(message.name, message.pid, arrived_us).tell(message, arrived_us)
+            self._record_of(message.name, message.pid, arrived_us).take_report(message, arrived_us)
 
     def entries(self, now_us: int) -> list[ProcessState]:
         """Return every process that counts, in the order of stopping, then of their beginning.
@@ -117,38 +120,40 @@ class ProcessStates:
         """
         entries = []
         for row in in_stop_order():
-            known = self._known.get(row.name, {})
-            for pid, one in known.items():
-                state = one.state(row.name, now_us)
-                others = [other for other in known.values() if other is not one]
-                if state not in (ALIVE, STARTING) and any(o.first_us > one.last_us for o in others):
+            records = self._known.get(row.name, {})
+            for pid, record in records.items():
+                state = record.state(row.name, now_us)
+                others = [other for other in records.values() if other is not record]
+                if state not in (ALIVE, STARTING) and any(
+                    o.first_us > record.last_us for o in others
+                ):
                     continue
-                if state == FINISHED and any(o.last_us > one.last_us for o in others):
+                if state == FINISHED and any(o.last_us > record.last_us for o in others):
                     continue
-                entries.append(_entry(row, pid, one, state, now_us))
+                entries.append(_entry(row, pid, record, state, now_us))
         return entries
 
-    def _of(self, name: str, pid: int, now_us: int) -> _Known:
+    def _record_of(self, name: str, pid: int, now_us: int) -> _Record:
         """Return what is known of a process; the one heard of longest ago makes room."""
-        known = self._known.setdefault(name, {})
-        if pid not in known:
-            if len(known) == MOST_OF_A_NAME:
-                del known[min(known, key=lambda p: known[p].last_us)]
-            known[pid] = _Known(now_us)
-        return known[pid]
+        records = self._known.setdefault(name, {})
+        if pid not in records:
+            if len(records) == MOST_OF_A_NAME:
+                del records[min(records, key=lambda p: records[p].last_us)]
+            records[pid] = _Record(now_us)
+        return records[pid]
 
 
-def _entry(row: Process, pid: int, one: _Known, state: str, now_us: int) -> ProcessState:
-    beat = one.beat
+def _entry(row: Process, pid: int, record: _Record, state: str, now_us: int) -> ProcessState:
+    beat = record.beat
     return ProcessState(
         row.name,
         state,
         pid,
-        one.age_s(row.name, state, now_us),
+        record.age_s(row.name, state, now_us),
         None if beat is None else beat.missed_ticks,
         None if beat is None else beat.lost_messages,
         None if beat is None else beat.worst_lateness_us,
         row.needs,
-        who_stops(row, one.told),
-        one.told,
+        who_stops(row, record.report),
+        record.report,
     )

@@ -16,7 +16,7 @@ stood still is read in less than 0.1 s, all of it."""
 
 
 class ReplayDetection:
-    """Of one robot, by the times of its messages."""
+    """Judges for one robot by the times of its messages."""
 
     def __init__(self) -> None:
         self.spoken_us = 0

@@ -12,7 +12,7 @@ from koopman_lab.geometry.planar import Pose
 from offboard.desk.commander import Commands, Freshness, SessionInfo
 from offboard.desk.placing import reset_message
 from offboard.desk.results import ReferenceOutcome
-from offboard.reference.driver import Action, Driver, Observation, Phase
+from offboard.reference.reference_driver import Action, Observation, Phase, ReferenceDriver
 from offboard.reference.shapes import Shape, input_sequence, start_pose
 
 FAREWELLS = 4
@@ -41,7 +41,9 @@ class ReferenceNode:
 
     def __init__(self, config: LabConfig, shape: Shape) -> None:
         inputs = input_sequence(config, shape)
-        self.driver = Driver(config, start_pose(config, shape), inputs, config.reference.runs)
+        self.driver = ReferenceDriver(
+            config, start_pose(config, shape), inputs, config.reference.runs
+        )
         self._shape = shape
         self._config = config
         self._farewells = 0
@@ -49,7 +51,7 @@ class ReferenceNode:
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
         self._port = port
-        self._alive = Freshness(port, self._config)
+        self._fresh = Freshness(port, self._config)
         self._commands = Commands(port, self._config, self.name)
         SessionInfo(port, self._config, "reference")
         port.every(1.0 / self._config.controller.dt_s, self._on_tick)
@@ -74,11 +76,11 @@ class ReferenceNode:
     def _on_tick(self, tick_us: int) -> None:
         del tick_us
         now_us, number = self._port.now_us(), self._commands.number
-        frame, status = self._alive.pose(now_us), self._alive.onboard(now_us)
+        frame, status = self._fresh.pose(now_us), self._fresh.onboard(now_us)
         seen = Observation(
             Pose(frame.x1_m, frame.x2_m, frame.theta_rad) if frame else None,
             frame.utime if frame else 0,
-            self._alive.robot(number, now_us) and self._alive.logger(now_us),
+            self._fresh.takes_commands(number, now_us) and self._fresh.is_logging(now_us),
             status is not None and status.commander == number,
             status is not None
             and status.commander == NOBODY
@@ -88,7 +90,7 @@ class ReferenceNode:
         if action.u is not None:
             self._commands.send(action.u, now_us)
         elif action.release:
-            self._commands.rest(now_us)
+            self._commands.release_if_held(now_us)
         if action.place:
             self._port.publish(channels.PLANT_RESET, reset_message(self.driver.start, now_us))
         self._send_state(action, now_us)

@@ -32,14 +32,14 @@ class Shape(IntEnum):
 def start_pose(config: LabConfig, shape: Shape) -> Pose:
     """Return where the robot is placed before each run."""
     reference = config.reference
-    of = reference.infinity if shape is Shape.INFINITY else reference.square
-    return Pose(*of.start_pose)
+    settings = reference.infinity if shape is Shape.INFINITY else reference.square
+    return Pose(*settings.start_pose)
 
 
 def input_sequence(config: LabConfig, shape: Shape) -> list[tuple[float, float]]:
     """Return the inputs of a run, one for each control interval.
 
-    They are (v, omega) in m/s and rad/s or (a, d_omega) in m/s^2 and rad/s^2, as the robot's kind
+    They are (v, omega) in m/s and rad/s or (a, d_omega) in m/s^2 and rad/s^2, as the robot's type
     has it.
 
     Raises

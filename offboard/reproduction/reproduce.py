@@ -18,9 +18,9 @@ from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out
 
 if TYPE_CHECKING:
-    from offboard.reproduction.paper.claim import Judged
+    from offboard.reproduction.paper.claim import JudgedClaim
 
-ASKED = "reproduction.json"
+REQUEST = "reproduction.json"
 """What the folder is of: the reproduction that --resume goes on with."""
 
 
@@ -63,30 +63,30 @@ def reproduce(
     from offboard.reproduction.step_runner import finished, run, with_needs
     from offboard.reproduction.steps import FULL, QUICK, judged_steps, steps
 
-    place = run_path(folder, "reproduction")
+    base = run_path(folder, "reproduction")
     size = QUICK if quick else FULL
-    every = steps(size, seed)
+    all_steps = steps(size, seed)
     # The verdicts do not wait for the studies that the paper does not have.
-    parts = [with_needs(every, only)] if only else [judged_steps(size, seed), every]
-    _open(place, {"quick": quick, "seed": seed}, resume=resume)
+    parts = [with_needs(all_steps, only)] if only else [judged_steps(size, seed), all_steps]
+    _open_folder(base, {"quick": quick, "seed": seed}, resume=resume)
     cores = len(os.sched_getaffinity(0))
     for part in parts:
-        run(place, part, workers or cores, _tell)
-        records = finished(place, every)
-        results = StepResults(place)
+        run(base, part, workers or cores, _print_line)
+        records = finished(base, all_steps)
+        results = StepResults(base)
         judged = [judge(claim, results) for claim in CLAIMS]
         settings = [judge(setting, results) for setting in SETTINGS]
-        write_report(place, Facts(quick, size.in_words, seed, records), judged, settings)
-        _tell(f"report: {place / 'report.html'} and report.md")
+        write_report(base, Facts(quick, size.in_words, seed, records), judged, settings)
+        _print_line(f"report: {base / 'report.html'} and report.md")
     _show([j for j in judged if not only or j.verdict is not Verdict.UNKNOWN])
     out.print(tally(judged))
 
 
-def _tell(line: str) -> None:
+def _print_line(line: str) -> None:
     err.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
-def _open(place: Path, asked: dict[str, Any], *, resume: bool) -> None:
+def _open_folder(base: Path, request: dict[str, Any], *, resume: bool) -> None:
     """Make the folder, or see that it is one to go on with.
 
     Raises
@@ -94,15 +94,15 @@ def _open(place: Path, asked: dict[str, Any], *, resume: bool) -> None:
     LabStateError
         If it holds something else, or cannot be written.
     """
-    file = place / ASKED
+    file = base / REQUEST
     try:
         before = json.loads(file.read_text()) if file.exists() else None
         if before is None:
-            if place.exists() and any(place.iterdir()):
+            if base.exists() and any(base.iterdir()):
                 raise LabStateError(
-                    f"{place}: holds something else; choose another folder with --out"
+                    f"{base}: holds something else; choose another folder with --out"
                 )
-            write_json(file, asked)
+            write_json(file, request)
             return
     except (OSError, ValueError) as error:
         raise LabStateError(
@@ -110,18 +110,18 @@ def _open(place: Path, asked: dict[str, Any], *, resume: bool) -> None:
         ) from None
     if not resume:
         raise LabStateError(
-            f"{place}: holds a reproduction; go on with it by --resume, or choose another folder "
+            f"{base}: holds a reproduction; go on with it by --resume, or choose another folder "
             "with --out"
         )
-    if before != asked:
+    if before != request:
         size = "with" if before.get("quick") else "without"
         raise LabStateError(
-            f"{place}: was begun {size} --quick and with --seed {before.get('seed')}; go on with "
+            f"{base}: was begun {size} --quick and with --seed {before.get('seed')}; go on with "
             "the same, or choose another folder with --out"
         )
 
 
-def _show(judged: Sequence[Judged]) -> None:
+def _show(judged: Sequence[JudgedClaim]) -> None:
     from rich.table import Table
 
     table = Table("section", "claim", "here", "verdict", box=None, pad_edge=False)

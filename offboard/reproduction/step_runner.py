@@ -18,7 +18,7 @@ from pathlib import Path
 
 from koopman_lab.errors import LabStateError
 from koopman_lab.files import write_json
-from offboard.lab.python_process import command
+from offboard.lab.python_process import module_command
 from offboard.lab.run_folder import revision
 from offboard.reproduction.paper.step_record import StepRecord
 
@@ -133,24 +133,26 @@ def run(
     LabStateError
         If a step fails, or another process works in the folder.
     """
-    with _locked(folder) as lock, _lifeline() as (lifeline, cut):
+    with _folder_lock(folder) as lock, _lifeline() as (lifeline, cut):
         done = finished(folder, steps)
-        kept = set(done)
+        done_before = set(done)
         waiting = [step for step in steps if step.name not in done]
         if done:
             tell(f"{len(done)} of {len(steps)} steps are done already")
         running: dict[Future[StepRecord], Step] = {}
-        with ThreadPoolExecutor(max_workers=workers) as pool, _ending(cut):
+        with ThreadPoolExecutor(max_workers=workers) as pool, _cut_on_interrupt(cut):
             while waiting or running:
                 for step in list(waiting):
-                    if not step.needs(steps) <= done.keys() or not _room(step, running, workers):
+                    if not step.needs(steps) <= done.keys() or not _has_room(
+                        step, running, workers
+                    ):
                         continue
                     waiting.remove(step)
                     tell(f"{step.name}: {step.command}")
                     # What was begun with files that have been made anew since begins anew.
-                    anew = not step.resumable or not step.needs(steps) <= kept
-                    of = (folder, step, workers, anew, (lock, lifeline))
-                    running[pool.submit(_make, *of)] = step
+                    from_scratch = not step.resumable or not step.needs(steps) <= done_before
+                    run_arguments = (folder, step, workers, from_scratch, (lock, lifeline))
+                    running[pool.submit(_run_step, *run_arguments)] = step
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     step = running.pop(future)
                     done[step.name] = record = future.result()
@@ -158,26 +160,26 @@ def run(
     return {step.name: done[step.name] for step in steps}
 
 
-def _room(step: Step, running: dict[Future[StepRecord], Step], workers: int) -> bool:
+def _has_room(step: Step, running: dict[Future[StepRecord], Step], workers: int) -> bool:
     if step.parallel or any(other.parallel for other in running.values()):
         return not running
     return len(running) < workers
 
 
-def _make(
-    folder: Path, step: Step, workers: int, anew: bool, descriptors: tuple[int, int]
+def _run_step(
+    folder: Path, step: Step, workers: int, from_scratch: bool, descriptors: tuple[int, int]
 ) -> StepRecord:
     """Run a step's command; ``descriptors`` are those of lock and lifeline."""
-    place = folder / step.name
-    marker = place / MARKER
+    step_folder = folder / step.name
+    marker = step_folder / MARKER
     arguments = list(step.arguments)
     if step.parallel:
         # Not among the step's own arguments: the numbers do not hang on it.
         arguments += ["--workers", str(workers)]
-    if place.exists():
+    if step_folder.exists():
         marker.unlink(missing_ok=True)
-        if anew:
-            shutil.rmtree(place)
+        if from_scratch:
+            shutil.rmtree(step_folder)
         else:
             arguments.append("--resume")
     log = folder / LOGS / f"{step.name}.txt"
@@ -185,7 +187,7 @@ def _make(
     began_s = time.monotonic()
     with log.open("wb") as file:
         code = subprocess.run(
-            command("offboard.cli.end_with_parent", str(descriptors[1]), *arguments),
+            module_command("offboard.cli.end_with_parent", str(descriptors[1]), *arguments),
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=file,
@@ -212,7 +214,7 @@ def _last_line(log: Path) -> str:
 
 
 @contextlib.contextmanager
-def _locked(folder: Path) -> Iterator[int]:
+def _folder_lock(folder: Path) -> Iterator[int]:
     """Keep others out of the folder; gives the descriptor of the lock."""
     with (folder / LOCK).open("w") as file:
         end_s = time.monotonic() + LOCK_LIMIT_S
@@ -242,7 +244,7 @@ def _lifeline() -> Iterator[tuple[int, Callable[[], None]]]:
 
 
 @contextlib.contextmanager
-def _ending(cut: Callable[[], None]) -> Iterator[None]:
+def _cut_on_interrupt(cut: Callable[[], None]) -> Iterator[None]:
     """End the running steps at Ctrl-C, which may have reached this process alone."""
     try:
         yield

@@ -13,7 +13,8 @@ from koopman_lab.geometry.planar import Pose, Velocity
 from offboard.desk.commander import Commands, Freshness, SessionInfo
 from offboard.desk.results import CalibrationOutcome
 from offboard.sampler.plan import Planner
-from offboard.sampler.sampler import NOTHING, Action, Observation, Phase, Progress, Sampler
+from offboard.sampler.sampler import Sampler
+from offboard.sampler.sampler_step import NOTHING, Action, Observation, Phase, Progress
 
 SEED_STREAM = 2
 """Among the generators that grow from ``config.seed``."""
@@ -47,7 +48,7 @@ class SamplerNode:
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
         self._port = port
-        self._alive = Freshness(port, self._config)
+        self._fresh = Freshness(port, self._config)
         self._commands = Commands(port, self._config, self.name)
         SessionInfo(port, self._config, "calibrate")
         port.subscribe(channels.MOCAP_POSE, self._on_pose)
@@ -59,13 +60,13 @@ class SamplerNode:
 
     def outcome(self, missed_deadlines: int = 0) -> CalibrationOutcome:
         """Return what the session has brought; who runs the node counts the deadlines."""
-        s = self.sampler
+        sampler = self.sampler
         return CalibrationOutcome(
-            complete=s.done == s.total,
-            segments=s.done,
-            segments_wanted=s.total,
-            frames=s.frames,
-            redraws=dict(sorted(s.redraws.items())),
+            complete=sampler.done == sampler.total,
+            segments=sampler.done,
+            segments_wanted=sampler.total,
+            frames=sampler.frames,
+            redraws=dict(sorted(sampler.redraws.items())),
             missed_deadlines=missed_deadlines,
         )
 
@@ -76,15 +77,15 @@ class SamplerNode:
     def _on_tick(self, tick_us: int) -> None:
         del tick_us
         now_us = self._port.now_us()
-        frame, status = self._alive.pose(now_us), self._alive.onboard(now_us)
+        frame, status = self._fresh.pose(now_us), self._fresh.onboard(now_us)
         seen = Observation(
             Pose(frame.x1_m, frame.x2_m, frame.theta_rad) if frame else None,
             Velocity(status.v_setpoint_m_per_s, status.omega_setpoint_rad_per_s)
             if status
             else None,
-            self._alive.robot(self._commands.number, now_us)
+            self._fresh.takes_commands(self._commands.number, now_us)
             and not self._cut_off(status)
-            and self._alive.logger(now_us),
+            and self._fresh.is_logging(now_us),
         )
         action = self.sampler.step(seen, now_us)
         self._commands.send(action.u, now_us)

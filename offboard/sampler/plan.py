@@ -40,7 +40,7 @@ class Planner:
     Parameters
     ----------
     config
-        Sets, limits, control interval and the robot's kind.
+        Sets, limits, control interval and the robot's type.
     rng
         Source of the draws.
 

@@ -22,6 +22,6 @@ def clip(value: float, largest: float) -> float:
     return min(largest, max(-largest, value))
 
 
-def slew(present: float, wanted: float, largest_change: float) -> float:
+def slew(present: float, target: float, largest_change: float) -> float:
     """Return ``present`` moved towards ``wanted`` by at most ``largest_change``."""
-    return present + clip(wanted - present, largest_change)
+    return present + clip(target - present, largest_change)

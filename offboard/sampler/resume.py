@@ -9,7 +9,7 @@ from koopman_lab.bus.channels import SAMPLER_STATE
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.errors import LabStateError
 from koopman_lab.units import US_PER_S
-from offboard.sampler.sampler import Progress
+from offboard.sampler.sampler_step import Progress
 
 
 class Interrupted(NamedTuple):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from enum import IntEnum
-from typing import NamedTuple
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
@@ -14,6 +12,7 @@ from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 from offboard.sampler.plan import Draw, Launch, Planner, contains
 from offboard.sampler.profile import clip, slew, stopping_speed
+from offboard.sampler.sampler_step import NOTHING, Action, Observation, Phase, Progress
 
 MOST_DRAWS = 10_000
 REACTION_S = 0.1
@@ -23,56 +22,6 @@ STANDING_S = 0.25
 HEADING_GAIN_PER_S = 2.0
 STEERING_DISTANCE_M = 0.1
 """Nearer than this the bearing to the target is noise, and the robot drives straight on."""
-
-
-class Phase(IntEnum):
-    """Of the session; the numbers are those of ``sampler_state_t``."""
-
-    WAIT = 0
-    ROTATE_TO_TARGET = 1
-    DRIVE = 2
-    ROTATE_TO_HEADING = 3
-    SETTLE = 4
-    LAUNCH = 5
-    BASIS = 6
-    BRAKE = 7
-    DONE = 8
-
-
-class Observation(NamedTuple):
-    """What the sampler sees in a step.
-
-    ``pose`` is None while tracking is lost; ``setpoint`` is what the motor loop reports; ``ready``
-    is false while the motor loop or the logger is silent.
-    """
-
-    pose: Pose | None
-    setpoint: Velocity | None
-    ready: bool
-
-
-class Action(NamedTuple):
-    """Phase and input of one control interval."""
-
-    phase: Phase
-    segment: int
-    basis_index: int
-    u: tuple[float, float]
-
-
-class Progress(NamedTuple):
-    """How far a session has come.
-
-    ``done`` complete segments, ``runs`` begun, ``frames`` of runs, ``redraws`` in all.
-    """
-
-    done: int = 0
-    runs: int = 0
-    frames: int = 0
-    redraws: int = 0
-
-
-NOTHING = Progress()
 
 
 class Sampler:
@@ -130,11 +79,11 @@ class Sampler:
             If the sets leave no room for a run.
         """
         if self.phase not in (Phase.WAIT, Phase.BRAKE, Phase.DONE):
-            self._check(seen, now_us)
+            self._give_up_if_hindered(seen, now_us)
         self._stepped_us = now_us
         # A phase that finds itself at its end hands over within the same step.
         for _ in Phase:
-            u = self._act(seen, now_us)
+            u = self._input_of_phase(seen, now_us)
             if u is not None:
                 break
         else:
@@ -143,7 +92,7 @@ class Sampler:
         self._steps += 1
         return Action(self.phase, self.runs, self.basis_index, u)
 
-    def _act(self, seen: Observation, now_us: int) -> tuple[float, float] | None:
+    def _input_of_phase(self, seen: Observation, now_us: int) -> tuple[float, float] | None:
         """Return the input of the present phase, or None after moving on to another phase."""
         if self.phase is Phase.DONE:
             return self._towards(REST)
@@ -165,7 +114,7 @@ class Sampler:
             return self._basis(seen.pose, now_us)
         return self._rotate(seen.pose, now_us)
 
-    def _check(self, seen: Observation, now_us: int) -> None:
+    def _give_up_if_hindered(self, seen: Observation, now_us: int) -> None:
         """Give the run up where it cannot go on."""
         limit_us = round(self._settings.phase_time_limit_s * US_PER_S)
         if seen.pose is None:

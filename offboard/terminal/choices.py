@@ -67,13 +67,13 @@ def name_option(flag: str, noun: str, names: Names, text: str) -> Any:
 
 
 def _option(flag: str, noun: str, names: Names, parse: Callable[[str], str], text: str) -> Any:
-    word = noun.upper().replace(" ", "_")
-    _NAMES[word] = names
+    placeholder = noun.upper().replace(" ", "_")
+    _NAMES[placeholder] = names
 
     def complete(incomplete: str) -> list[str]:
         return [name for name in names() if name.startswith(incomplete)]
 
-    return typer.Option(flag, metavar=word, parser=parse, autocompletion=complete, help=text)
+    return typer.Option(flag, metavar=placeholder, parser=parse, autocompletion=complete, help=text)
 
 
 class Command(TyperCommand):

@@ -59,14 +59,14 @@ def needs(
 
         @functools.wraps(command)
         def checked(*arguments: P.args, **options: P.kwargs) -> R:
-            called = signature.bind(*arguments, **options)
-            called.apply_defaults()
-            if when is None or when(called.arguments):
+            bound = signature.bind(*arguments, **options)
+            bound.apply_defaults()
+            if when is None or when(bound.arguments):
                 installation.require(extra, option or "this command")
             return command(*arguments, **options)
 
         setattr(checked, MARK, (need, *needs_of(command)))
-        checked.__doc__ = _explained(inspect.getdoc(command) or "", need)
+        checked.__doc__ = _help_with_need(inspect.getdoc(command) or "", need)
         return checked
 
     return mark
@@ -74,8 +74,8 @@ def needs(
 
 def needs_of(command: object) -> tuple[Need, ...]:
     """Return what a command needs beyond the base installation."""
-    found: tuple[Need, ...] = getattr(command, MARK, ())
-    return found
+    needed: tuple[Need, ...] = getattr(command, MARK, ())
+    return needed
 
 
 def commands(group: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
@@ -87,9 +87,9 @@ def commands(group: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]
             yield " ".join((*path, name)), command
 
 
-def _explained(text: str, need: Need) -> str:
+def _help_with_need(text: str, need: Need) -> str:
     """Return a help text with what is needed, before its example."""
     what = f"{need.option} needs" if need.option else "Needs"
-    told = f"{what} the extra {need.extra}: {installation.install_command(need.extra)}"
+    sentence = f"{what} the extra {need.extra}: {installation.install_command(need.extra)}"
     before, example, after = text.partition("Example: ")
-    return f"{before.rstrip()}\n\n{told}\n\n{example}{after}".rstrip()
+    return f"{before.rstrip()}\n\n{sentence}\n\n{example}{after}".rstrip()

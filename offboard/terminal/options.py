@@ -137,19 +137,19 @@ def resolve(
     ConfigError
         If it is not valid.
     """
-    wanted = list(overrides or ())
+    changes = list(overrides or ())
     if seed is not None:
-        wanted.append(f"seed={seed}")
+        changes.append(f"seed={seed}")
     if robot_name is not None:
-        wanted.append(f"robot.name={robot_name}")
+        changes.append(f"robot.name={robot_name}")
     if url is not None:
-        wanted.append(f"bus.url={url}")
+        changes.append(f"bus.url={url}")
     return load_config(
         config,
         robot=robot,
         preset=preset,
         bus_url=os.environ.get("LCM_DEFAULT_URL"),
-        overrides=wanted,
+        overrides=changes,
     )
 
 
@@ -166,17 +166,17 @@ def listen(config: LabConfig) -> Listener:
     return Listener(config)
 
 
-def start_of(
+def start_or_default(
     typed: tuple[float, float, float] | None, standard: tuple[float, float, float]
 ) -> Pose:
     """Return the pose that a person types (m, m, degrees), or else a standard one (m, m, rad)."""
     if typed is not None:
-        return pose_of(typed)
+        return pose_from_typed(typed)
     x1, x2, theta = standard
     return Pose(x1, x2, wrap_angle(theta))
 
 
-def pose_of(typed: tuple[float, float, float]) -> Pose:
+def pose_from_typed(typed: tuple[float, float, float]) -> Pose:
     """Return a pose (m, m, rad) from what a person types (m, m, degrees)."""
     x1, x2, theta_deg = typed
     return Pose(x1, x2, wrap_angle(math.radians(theta_deg)))
@@ -191,7 +191,7 @@ def parse_windows(text: str) -> list[int]:
         If they are no whole numbers above 0.
     """
     try:
-        windows = [int(word) for word in text.split(",")]
+        windows = [int(item) for item in text.split(",")]
     except ValueError:
         windows = [0]
     if min(windows) < 1:
@@ -211,7 +211,7 @@ def parse_factors(text: str) -> list[float]:
         If they are no numbers above 0, or 1 is not among them.
     """
     try:
-        factors = [float(word) for word in text.split(",")]
+        factors = [float(item) for item in text.split(",")]
     except ValueError:
         factors = []
     if 1.0 not in factors or not all(0.0 < factor < math.inf for factor in factors):

@@ -39,11 +39,11 @@ def show_unreadable(file: Path, unreadable: Mapping[str, int]) -> None:
         )
 
 
-def show_passed_over(of: PassedOver | None) -> None:
-    """Say what of a log was passed over, if anything was; nothing of what is no log."""
-    if of is not None:
-        show_damage(of.file, of.damage)
-        show_unreadable(of.file, of.unreadable)
+def show_passed_over(passed_over: PassedOver | None) -> None:
+    """Say what of a log was passed over, if anything was; None says nothing."""
+    if passed_over is not None:
+        show_damage(passed_over.file, passed_over.damage)
+        show_unreadable(passed_over.file, passed_over.unreadable)
 
 
 class Report(Protocol):
@@ -65,14 +65,14 @@ def progress(what: str, unit: str = "") -> Iterator[Report]:
         Of how much.
     """
     if err.is_terminal:
-        with _bar(what, unit) as report:
+        with _progress_bar(what, unit) as report:
             yield report
     else:
-        yield _Lines(what, unit)
+        yield _PlainProgress(what, unit)
 
 
 @contextlib.contextmanager
-def _bar(what: str, unit: str) -> Iterator[Report]:
+def _progress_bar(what: str, unit: str) -> Iterator[Report]:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -107,7 +107,7 @@ def status_line() -> Iterator[Callable[[str], None]]:
         yield lambda _: None
 
 
-class _Lines:
+class _PlainProgress:
     def __init__(self, what: str, unit: str) -> None:
         self._what = what
         self._unit = unit
@@ -124,8 +124,8 @@ class _Lines:
         if now_s >= self._next_s or ends:
             self._next_s = now_s + PLAIN_PERIOD_S
             self._ended = self._ended or ends
-            words = [f"{self._what}: {done:g} of {total:g} {self._unit}".rstrip(), note]
+            parts = [f"{self._what}: {done:g} of {total:g} {self._unit}".rstrip(), note]
             if before < done < total:
                 left_s = round((total - done) * (now_s - began_s) / (done - before))
-                words.append(f"about {left_s // 60}:{left_s % 60:02d} min left")
-            err.print(", ".join(filter(None, words)))
+                parts.append(f"about {left_s // 60}:{left_s % 60:02d} min left")
+            err.print(", ".join(filter(None, parts)))

@@ -13,7 +13,7 @@ OTHERS = "others"
 
 
 @dataclass
-class _Held:
+class _Burst:
     until_s: float
     count: int = 0
     newest: str = ""
@@ -30,9 +30,9 @@ class Refusals:
 
     def __init__(self, log: Callable[[str], None]) -> None:
         self._log = log
-        self._held: dict[tuple[str, str], _Held] = {}
+        self._bursts: dict[tuple[str, str], _Burst] = {}
 
-    def note(self, client: str, kind: str, why: str, now_s: float) -> None:
+    def note(self, client: str, kind: str, reason: str, now_s: float) -> None:
         """Take a refusal.
 
         Parameters
@@ -41,26 +41,26 @@ class Refusals:
             Its address.
         kind
             What it tried, one of a few words.
-        why
+        reason
             What to say of it.
         now_s
             Time (s) of a clock that does not step.
         """
-        if (client, kind) not in self._held and len(self._held) >= MOST_HELD:
+        if (client, kind) not in self._bursts and len(self._bursts) >= MOST_HELD:
             client = OTHERS
-        held = self._held.get((client, kind))
-        if held is None:
-            self._held[client, kind] = _Held(now_s + PERIOD_S)
-            self._log(f"refused {client}: {why}")
+        burst = self._bursts.get((client, kind))
+        if burst is None:
+            self._bursts[client, kind] = _Burst(now_s + PERIOD_S)
+            self._log(f"refused {client}: {reason}")
         else:
-            held.count, held.newest = held.count + 1, why
+            burst.count, burst.newest = burst.count + 1, reason
 
     def work(self, now_s: float) -> None:
         """Say what is due at ``now_s``."""
-        for (client, kind), held in list(self._held.items()):
-            if now_s < held.until_s:
+        for (client, kind), burst in list(self._bursts.items()):
+            if now_s < burst.until_s:
                 continue
-            del self._held[client, kind]
-            if held.count:
-                self._held[client, kind] = _Held(now_s + PERIOD_S)
-                self._log(f"refused {client}: {held.newest} (the newest of {held.count})")
+            del self._bursts[client, kind]
+            if burst.count:
+                self._bursts[client, kind] = _Burst(now_s + PERIOD_S)
+                self._log(f"refused {client}: {burst.newest} (the newest of {burst.count})")

@@ -51,32 +51,32 @@ def parse_request(text: str) -> Request:
     if len(text) > LARGEST_BYTES:
         raise RequestError(f"request of {len(text)} characters; none has more than {LARGEST_BYTES}")
     try:
-        said = json.loads(text, parse_constant=_no_number)
+        fields = json.loads(text, parse_constant=_refuse_constant)
     except (ValueError, RecursionError):
         raise RequestError("request: not JSON") from None
-    if not isinstance(said, dict):
+    if not isinstance(fields, dict):
         raise RequestError("request: not a JSON object")
-    do, robot = said.get("do"), said.get("robot")
+    do, robot = fields.get("do"), fields.get("robot")
     if do not in (STOP, ARM, RELEASE, GOAL):
         raise RequestError(f"request: do must be one of {STOP}, {ARM}, {RELEASE}, {GOAL}")
     if not isinstance(robot, str):
         raise RequestError("request: robot must be a name")
-    seen_us = said.get("seen_us")
+    seen_us = fields.get("seen_us")
     if seen_us is not None and (type(seen_us) is not int or not 0 <= seen_us < 2**63):
         raise RequestError("request: seen_us must be the time of a snapshot")
     if do != GOAL:
         return Request(do, robot, None, seen_us)
-    x1, x2, theta = (_finite(said.get(key), key) for key in ("x1_m", "x2_m", "theta_rad"))
+    x1, x2, theta = (_finite_number(fields.get(key), key) for key in ("x1_m", "x2_m", "theta_rad"))
     if abs(theta) > LARGEST_ANGLE_RAD:
         raise RequestError("request: theta_rad is no angle")
     return Request(do, robot, Pose(x1, x2, wrap_angle(theta)), seen_us)
 
 
-def _no_number(text: str) -> float:
+def _refuse_constant(text: str) -> float:
     raise ValueError(text)
 
 
-def _finite(value: Any, key: str) -> float:
+def _finite_number(value: Any, key: str) -> float:
     try:
         if isinstance(value, int | float) and not isinstance(value, bool):
             number = float(value)

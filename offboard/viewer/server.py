@@ -26,9 +26,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from koopman_lab.errors import LabError
 from offboard.desk.orders import WAIT_S
-from offboard.monitor.state import Marks
-from offboard.viewer.desk import Desk
+from offboard.monitor.lab_view import Marks
 from offboard.viewer.guard import Guard
+from offboard.viewer.operator_desk import OperatorDesk
 from offboard.viewer.refusals import Refusals
 from offboard.viewer.request import LARGEST_BYTES, RequestError, parse_request
 
@@ -57,7 +57,7 @@ HEADERS = {
 Log = Callable[[str], None]
 
 
-class _Newest(StaticFiles):
+class _RevalidatedFiles(StaticFiles):
     """Files that a browser asks for again: an old script does not fit the page of a new version."""
 
     def file_response(self, *args: Any, **kwargs: Any) -> Response:
@@ -80,88 +80,90 @@ class Server:
         Takes lines about requests that were refused.
     """
 
-    def __init__(self, desk: Desk, guard: Guard, log: Log) -> None:
+    def __init__(self, desk: OperatorDesk, guard: Guard, log: Log) -> None:
         self._desk = desk
         self._guard = guard
         self._refusals = Refusals(log)
         self._clients = 0
-        self._insisting = False
+        self._repeating = False
         self._tick = asyncio.Event()
-        self._common = "{}"
-        self._texts: dict[Marks, tuple[str, Marks]] = {}
+        self._snapshot_text = "{}"
+        self._updates: dict[Marks, tuple[str, Marks]] = {}
         self._pending: set[asyncio.Task[None]] = set()
         routes = [
             Route("/", self._page),
             WebSocketRoute("/ws", self._socket),
-            Mount("/static", _Newest(directory=PAGE)),
+            Mount("/static", _RevalidatedFiles(directory=PAGE)),
         ]
         self.app = Starlette(routes=routes, lifespan=self._lifespan)
 
     @contextlib.asynccontextmanager
     async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
         del app
-        work = asyncio.create_task(self._work())
+        work = asyncio.create_task(self._serve_snapshots())
         # Of what is no HTTP the web server tells nobody but its log.
         log = logging.getLogger("uvicorn.error")
         level = log.level
         log.setLevel(logging.INFO)
-        log.addFilter(self._overhear)
+        log.addFilter(self._take_server_log)
         try:
             yield
         finally:
-            log.removeFilter(self._overhear)
+            log.removeFilter(self._take_server_log)
             log.setLevel(level)
             self._refusals.work(math.inf)
             work.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await work
 
-    async def _work(self) -> None:
+    async def _serve_snapshots(self) -> None:
         """Again and again empty the bus, and let everybody have a snapshot of what it brought."""
         clock = asyncio.get_running_loop().time
         due_s = clock()
         while True:
-            self._desk.work()
+            self._desk.repeat_orders()
             self._refusals.work(clock())
             if self._clients:
                 now_us = self._desk.now_us()
                 robots = json.dumps(self._desk.view.snapshot(now_us), allow_nan=False)
-                self._common = f'"now_us":{now_us},"robots":{robots}'
-                self._texts.clear()
+                self._snapshot_text = f'"now_us":{now_us},"robots":{robots}'
+                self._updates.clear()
             self._tick.set()
             self._tick = asyncio.Event()
             # Absolute, so that work does not add up; what is late is skipped, never caught up.
             due_s = max(due_s + SNAPSHOT_S, clock())
             await asyncio.sleep(due_s - clock())
 
-    async def _insist(self) -> None:
+    async def _repeat_orders(self) -> None:
         """Say orders again more often than there are snapshots, as long as one is not obeyed."""
-        if self._insisting:
+        if self._repeating:
             return
-        self._insisting = True
+        self._repeating = True
         try:
             while self._desk.ordering:
                 await asyncio.sleep(WAIT_S)
-                self._desk.work()
+                self._desk.repeat_orders()
         finally:
-            self._insisting = False
+            self._repeating = False
 
     async def _page(self, request: HttpRequest) -> Response:
         objection = self._guard.objection(request.headers, request.query_params)
         if objection is not None:
-            self._refused(request, "page", objection)
+            self._note_refusal(request, "page", objection)
             return PlainTextResponse(f"refused: {objection}\n", 403)
         return FileResponse(PAGE / "index.html", headers=HEADERS)
 
     async def _socket(self, socket: WebSocket) -> None:
         objection = self._guard.objection(socket.headers, socket.query_params)
         if objection is not None:
-            self._refused(socket, "socket", objection)
+            self._note_refusal(socket, "socket", objection)
             await socket.close(POLICY)
             return
         await socket.accept()
         if self._clients == MOST_CLIENTS:
-            self._refused(socket, "client", f"{MOST_CLIENTS} pages are open, the most there may be")
+            self._note_refusal(
+                socket, "client", f"{MOST_CLIENTS} pages are open, the most there may be"
+            )
             await socket.close(TOO_MANY)
             return
         self._clients += 1
@@ -180,12 +182,12 @@ class Server:
         marks: Marks = ()
         while True:
             await self._tick.wait()
-            made = self._texts.get(marks)
-            if made is None:
+            update = self._updates.get(marks)
+            if update is None:
                 news, following = self._desk.view.histories(marks)
-                text = f'{{{self._common},"news":{json.dumps(news, allow_nan=False)}}}'
-                made = self._texts[marks] = text, following
-            text, marks = made
+                text = f'{{{self._snapshot_text},"news":{json.dumps(news, allow_nan=False)}}}'
+                update = self._updates[marks] = text, following
+            text, marks = update
             await socket.send_text(text)
 
     async def _listen(self, socket: WebSocket) -> None:
@@ -194,50 +196,52 @@ class Server:
             message = await socket.receive()
             if message["type"] == "websocket.disconnect":
                 if message.get("code") in BROKEN:
-                    self._refused(socket, "frame", BROKEN[message["code"]])
+                    self._note_refusal(socket, "frame", BROKEN[message["code"]])
                 return
             text = message.get("text")
             if text is None:
-                self._refused(socket, "frame", "a binary frame")
+                self._note_refusal(socket, "frame", "a binary frame")
                 await socket.close(BAD_DATA)
                 return
             try:
                 request = parse_request(text)
             except RequestError as error:
-                self._refused(socket, "request", str(error))
+                self._note_refusal(socket, "request", str(error))
                 await socket.close(POLICY)
                 return
             reply = partial(self._reply, socket, request.robot)
             try:
-                self._desk.ask(request, socket, reply)
-                self._keep(self._insist())
+                self._desk.handle(request, socket, reply)
+                self._run_beside(self._repeat_orders())
             except LabError as error:
-                self._refused(socket, "order", str(error))
+                self._note_refusal(socket, "order", str(error))
                 reply(False, str(error))
 
-    def _reply(self, socket: WebSocket, robot: str, good: bool, said: str) -> None:
+    def _reply(self, socket: WebSocket, robot: str, good: bool, reply_text: str) -> None:
         async def send() -> None:
             with contextlib.suppress(WebSocketDisconnect, RuntimeError):
-                await socket.send_text(json.dumps({"robot": robot, "good": good, "said": said}))
+                await socket.send_text(
+                    json.dumps({"robot": robot, "good": good, "said": reply_text})
+                )
 
-        self._keep(send())
+        self._run_beside(send())
 
-    def _keep(self, work: Coroutine[Any, Any, None]) -> None:
+    def _run_beside(self, work: Coroutine[Any, Any, None]) -> None:
         """Let it run beside everything else."""
         task = asyncio.get_running_loop().create_task(work)
         self._pending.add(task)
         task.add_done_callback(self._pending.discard)
 
-    def _refused(self, connection: HTTPConnection | None, kind: str, why: str) -> None:
+    def _note_refusal(self, connection: HTTPConnection | None, kind: str, reason: str) -> None:
         client = None if connection is None else connection.client
         now_s = asyncio.get_running_loop().time()
-        self._refusals.note(UNKNOWN if client is None else client.host, kind, why, now_s)
+        self._refusals.note(UNKNOWN if client is None else client.host, kind, reason, now_s)
 
-    def _overhear(self, record: logging.LogRecord) -> bool:
+    def _take_server_log(self, record: logging.LogRecord) -> bool:
         """Say as ours what the web server warns of; return whether it is to say it itself."""
         if record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError):
             return False  # its connection ends, with a number that tells
         bad_handshake = isinstance(record.args, tuple) and BAD_REQUEST in record.args
         if record.levelno == logging.WARNING or bad_handshake:
-            self._refused(None, "http", record.getMessage())
+            self._note_refusal(None, "http", record.getMessage())
         return record.levelno > logging.WARNING

@@ -11,9 +11,9 @@ from rich.console import Console
 from koopman_lab.config.load import load_config
 from koopman_lab.config.simulation import Fault, FaultKind
 from koopman_lab.robots.table import ROBOTS
+from offboard.bench.faults.fault_rows import Row, as_table, run_scenario
 from offboard.bench.faults.scenarios import SCENARIOS, Scenario
 from offboard.bench.faults.strikes import Inject
-from offboard.bench.faults.table import Row, as_table, suffer
 
 ROWS = pytest.mark.parametrize(
     ("robot", "scenario"),
@@ -35,11 +35,11 @@ DRIVES_ON_M = 0.3
 @ROWS
 def test_the_robot_stops_in_time_or_drives_on_and_the_operator_is_told(robot, scenario):
     config = load_config(robot=robot)
-    row = suffer(scenario, config)
+    row = run_scenario(scenario, config)
     came = iter(row.states)
     assert all(state in came for state in scenario.states), row.states
     assert row.latched is scenario.states[-1].startswith(("FAULT", "ESTOP"))
-    assert scenario.told in row.told
+    assert scenario.message in row.told
     if scenario.bound is None:
         assert row.stood_after_s is None
         assert row.session == "goes on"
@@ -48,7 +48,7 @@ def test_the_robot_stops_in_time_or_drives_on_and_the_operator_is_told(robot, sc
         assert row.stood_after_s is not None
         assert row.stood_after_s <= row.bound_s
         assert row.session != "goes on"
-        assert bool(row.told) is bool(scenario.told)
+        assert bool(row.told) is bool(scenario.message)
     if scenario.name in REFUSED:
         assert row.refused == REFUSED[scenario.name]
 
@@ -61,13 +61,13 @@ def test_every_kind_of_fault_is_in_the_table():
 def test_a_scenario_ends_the_same_way_each_time():
     scenario = next(s for s in SCENARIOS if "half of all messages" in s.name)
     config = load_config(overrides=["controller.horizon=20"])
-    assert asdict(suffer(scenario, config)) == asdict(suffer(scenario, config))
+    assert asdict(run_scenario(scenario, config)) == asdict(run_scenario(scenario, config))
 
 
 def test_only_a_fault_that_is_there_stops_the_robot():
     """The measure itself: nothing wrong, and the robot is not said to stand."""
     nothing = Scenario("nothing", Inject(Fault(kind="radio_cut", duration_s=0.0)), ("DRIVING",))
-    row = suffer(nothing, load_config(overrides=["controller.horizon=20"]))
+    row = run_scenario(nothing, load_config(overrides=["controller.horizon=20"]))
     assert row.states == ("DRIVING",)
     assert (row.stood_after_s, row.session, row.refused) == (None, "goes on", {})
 

@@ -16,7 +16,7 @@ from koopman_lab.config.load import load_config
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.eventlog.eventlog import read_events
 from offboard.logger.node import LoggerNode
-from offboard.monitor.state import LabView
+from offboard.monitor.lab_view import LabView
 
 CONFIG = load_config()
 NOW_US = 10**15

@@ -22,8 +22,8 @@ from koopman_lab.bus.processes import (
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ConfigError, PluginError
 from offboard.cli import run
+from offboard.monitor.lab_view import LabView
 from offboard.monitor.process_states import ProcessStates
-from offboard.monitor.state import LabView
 
 OWN = [PROCESSES.own(name) for name in PROCESSES.own_names()]
 STATE = Channel("LIDAR_STATE", lcmtypes.logger_status_t, 5.0, "lidar")
@@ -138,7 +138,7 @@ def test_a_row_that_cannot_be_used_is_shown_all_the_same(monkeypatch):
     monkeypatch.setattr(PROCESSES, "others", lambda: ("lidar",))
     processes = ProcessStates()
     beat = lcmtypes.node_status_t()
-    processes.beat("lidar", beat.encode(), 0)
+    processes.take_heartbeat("lidar", beat.encode(), 0)
     assert [entry.name for entry in processes.entries(0)] == ["lidar"]
     assert HEARTBEATS["lidar"].publisher == "lidar"
 

@@ -12,7 +12,8 @@ from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, make_solver
 from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.table import robot_type
-from offboard.controller.controller import Controller, Inputs, State
+from offboard.controller.controller import Controller
+from offboard.controller.controller_step import Inputs, State
 from offboard.controller.estimate import Frame, WheelSpeeds
 from offboard.desk.interlock import Interlock
 

@@ -9,8 +9,8 @@ from offboard.controller.delay import LoopDelay
 def test_it_is_made_of_solve_radio_and_tick():
     delay = LoopDelay(load_config())
     assert delay.estimate_s() == pytest.approx(0.005)
-    delay.saw_round_trip(6_000)
-    delay.took(0.012)
+    delay.set_round_trip(6_000)
+    delay.add_step_duration(0.012)
     assert delay.estimate_s() == pytest.approx(0.005 + 0.003 + 0.012)
     assert delay.after_sending_s == pytest.approx(0.005 + 0.003)
 
@@ -18,7 +18,7 @@ def test_it_is_made_of_solve_radio_and_tick():
 def test_one_stall_moves_nothing():
     delay = LoopDelay(load_config())
     for _ in range(10):
-        delay.took(0.01)
+        delay.add_step_duration(0.01)
     before = delay.estimate_s()
-    delay.took(3.0)
+    delay.add_step_duration(3.0)
     assert delay.estimate_s() == before

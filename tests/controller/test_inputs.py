@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from offboard.controller.inputs import MEMORY_S, InputHistory
+from offboard.controller.input_history import MEMORY_S, InputHistory
 
 TIMES = st.lists(st.integers(0, 4_000_000), max_size=10, unique=True).map(sorted)
 

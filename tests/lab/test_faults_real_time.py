@@ -10,7 +10,7 @@ from koopman_lab.bus.channels import HEARTBEATS, PLANT_TRUTH
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
 from offboard.bench.faults.bounds import by_driver, by_estop, by_watchdog
-from offboard.bench.faults.stage import Sight, is_at_rest
+from offboard.bench.faults.stage import TruthSample, is_at_rest
 
 FAST_M_PER_S = 0.2
 LIMIT_S = 40.0
@@ -36,7 +36,7 @@ class Witness:
             self.listener.subscribe(channel, lambda m, name=name: self.pids.update({name: m.pid}))
 
     def _see(self, t):
-        self.sights.append(Sight.of(t))
+        self.sights.append(TruthSample.of(t))
         if t.faults and self.cut_us is None:
             self.cut_us = t.utime
 

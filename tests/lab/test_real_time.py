@@ -22,8 +22,8 @@ from real_bus import Ear, config, other, recorded, tool
 import lcmtypes
 from koopman_lab.bus import multicast, realtime
 from koopman_lab.bus.channels import CHANNELS, ONBOARD_STATUS
-from offboard.commands.rerun import REAL_TIME_SHARE
-from offboard.lab.process_notes import broken
+from offboard.commands.rerun_node import REAL_TIME_SHARE
+from offboard.lab.process_notes import broken_labs
 
 LARGEST_SHARE_MISSED = 0.05
 """Of lcm-logger, on a machine that other tests keep busy; `klab bench logger` counts it alone."""
@@ -54,7 +54,7 @@ def test_no_process_outlives_the_supervisor(up, ear, number):
     code = process.wait(timeout=30)
     assert code == (-signal.SIGKILL if number is signal.SIGKILL else 130)
     ear.wait_until_gone(pids)
-    lost = broken(ear.url, ear.listener.now_us()).get("R1", [])
+    lost = broken_labs(ear.url, ear.listener.now_us()).get("R1", [])
     left = set(STANDING) if number is signal.SIGKILL else set()
     assert {entry.name for entry in lost} == left
 
@@ -78,9 +78,9 @@ def test_a_process_that_dies_is_named_and_the_others_stop(up, ear, victim, tmp_p
     assert file in said
     ear.wait_until_gone(pids)
     # Whoever asks later is told as well.
-    (entry,) = broken(ear.url, ear.listener.now_us())["R1"]
-    assert (entry.name, entry.pid, entry.told.log_file) == (victim, pids[victim], file)
-    assert entry.told.ended == "signal SIGKILL"
+    (entry,) = broken_labs(ear.url, ear.listener.now_us())["R1"]
+    assert (entry.name, entry.pid, entry.report.log_file) == (victim, pids[victim], file)
+    assert entry.report.ended == "signal SIGKILL"
 
 
 @pytest.mark.usefixtures("up")

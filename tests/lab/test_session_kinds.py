@@ -7,7 +7,7 @@ import pytest
 from klab import MODEL, klab
 from typer.testing import CliRunner
 
-import offboard.lab.session
+import offboard.lab.session_runner
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ConfigError, LabStateError, ModelError
 from koopman_lab.geometry.planar import Pose
@@ -16,7 +16,7 @@ from koopman_lab.mpc import receding_horizon
 from koopman_lab.predictors.edmd import KoopmanPrediction
 from offboard.cli.main import app
 from offboard.lab.calibration import Calibration
-from offboard.lab.parking import Parking
+from offboard.lab.parking_run import Parking
 from offboard.lab.reference_runs import ReferenceRuns
 from offboard.reference.shapes import Shape
 
@@ -106,7 +106,7 @@ def test_the_process_makes_the_node_that_the_session_would(kind, monkeypatch, tm
     """The arguments of its process say all that the session knows."""
     runs = []
     monkeypatch.setattr(
-        offboard.lab.session, "run_process", lambda *arguments: runs.append(arguments)
+        offboard.lab.session_runner, "run_process", lambda *arguments: runs.append(arguments)
     )
     arguments = [*map(str, kind.arguments()), "--result", str(tmp_path / "result.json")]
     done = CliRunner().invoke(app, ["run", kind.node_name, *arguments], catch_exceptions=False)
@@ -146,7 +146,7 @@ def test_what_a_node_brings_in_its_process_is_what_the_session_reads(kind, tmp_p
     outcome = kind.outcome(node, 3)
     file = tmp_path / "outcome.json"
     file.write_text(json.dumps(outcome.model_dump()))
-    assert offboard.lab.session.read_outcome(file, kind.outcome_type) == outcome
+    assert offboard.lab.session_runner.read_outcome(file, kind.outcome_type) == outcome
     assert outcome.missed_deadlines == 3
 
 
@@ -156,4 +156,4 @@ def test_an_outcome_that_cannot_be_read_is_one_clear_message(text, tmp_path):
     if text is not None:
         file.write_text(text)
     with pytest.raises(LabStateError, match=r"controller\.json: .*cannot be read"):
-        offboard.lab.session.read_outcome(file, Parking.outcome_type)
+        offboard.lab.session_runner.read_outcome(file, Parking.outcome_type)

@@ -9,9 +9,10 @@ from koopman_lab.bus.channels import PROCESS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import LabStateError
-from offboard.lab import supervisor
+from offboard.lab import child_process
+from offboard.lab.child_process import KILLED
 from offboard.lab.run_folder import RunFolder
-from offboard.lab.supervisor import KILLED, supervised
+from offboard.lab.supervisor import supervised
 
 MOST_WAITS = 600
 WAIT_S = 0.05
@@ -42,7 +43,7 @@ def test_last_words_that_found_no_room_are_made_up_for(lab, tmp_path, monkeypatc
     with pytest.raises(LabStateError, match=r"(?s)logger died .*it said nothing"):
         processes.check()
     # From now on any disk is nearly full.
-    monkeypatch.setattr(supervisor, "SCARCE_BYTES", 1 << 62)
+    monkeypatch.setattr(child_process, "SCARCE_BYTES", 1 << 62)
     with pytest.raises(LabStateError, match=r"disk of .*processes is full; make room on it"):
         processes.check()
 
@@ -88,7 +89,7 @@ def test_it_is_said_where_only_sigkill_ended_a_process(bus_url, tmp_path, monkey
         os.kill(processes.process("logger"), signal.SIGSTOP)
         # Of signals that wait together, SIGINT would be the first to be taken.
         os.waitpid(processes.process("logger"), os.WUNTRACED)
-        monkeypatch.setattr(supervisor, "PATIENCE_S", 0.05)
+        monkeypatch.setattr(child_process, "PATIENCE_S", 0.05)
     assert f"logger did not end by itself: {KILLED}" in capsys.readouterr().err
     for _ in range(MOST_WAITS):
         if told:

@@ -15,7 +15,7 @@ def beat(pid):
     return message.encode()
 
 
-def told(name, pid, state, supervisor=1):
+def report(name, pid, state, supervisor=1):
     message = TOLD()
     message.name, message.pid, message.state, message.supervisor_pid = name, pid, state, supervisor
     return message
@@ -36,15 +36,15 @@ def states(processes, now_us):
 )
 def test_a_page_opened_later_knows_from_the_supervisor_how_a_process_is(name, state, shown):
     processes = ProcessStates()
-    processes.tell(told(name, 7, state), 0)
+    processes.take_report(report(name, 7, state), 0)
     assert states(processes, SECOND_US) == [(name, 7, shown)]
     assert states(processes, round(SILENT_S * 1e6) + 1) == [(name, 7, "silent")]
 
 
 def test_a_hung_process_is_silent_however_long_its_supervisor_says_that_it_runs():
     processes = ProcessStates()
-    processes.beat("plant", beat(7), 0)
-    processes.tell(told("plant", 7, TOLD.RUNNING), 6 * SECOND_US)
+    processes.take_heartbeat("plant", beat(7), 0)
+    processes.take_report(report("plant", 7, TOLD.RUNNING), 6 * SECOND_US)
     (entry,) = processes.entries(6 * SECOND_US)
     assert (entry.state, entry.age_s) == ("silent", 6.0)
 
@@ -53,32 +53,32 @@ def test_the_loggers_of_two_commands_are_two_rows():
     processes = ProcessStates()
     for now_us in range(0, 3 * SECOND_US, SECOND_US):
         for pid, supervisor in ((7, 70), (9, 90)):
-            processes.beat("logger", beat(pid), now_us)
-            processes.tell(told("logger", pid, TOLD.RUNNING, supervisor), now_us)
+            processes.take_heartbeat("logger", beat(pid), now_us)
+            processes.take_report(report("logger", pid, TOLD.RUNNING, supervisor), now_us)
     entries = processes.entries(2 * SECOND_US)
     assert [(e.pid, e.state) for e in entries] == [(7, "alive"), (9, "alive")]
     assert [str(s) in e.stopped_by for e, s in zip(entries, (70, 90), strict=True)] == [True, True]
     # One dies; the other goes on, and hides nothing.
-    processes.tell(told("logger", 9, TOLD.DIED, 90), 3 * SECOND_US)
-    processes.beat("logger", beat(7), 9 * SECOND_US)
+    processes.take_report(report("logger", 9, TOLD.DIED, 90), 3 * SECOND_US)
+    processes.take_heartbeat("logger", beat(7), 9 * SECOND_US)
     assert states(processes, 9 * SECOND_US) == [("logger", 7, "alive"), ("logger", 9, "died")]
     # The next one takes the place of the one that died.
-    processes.beat("logger", beat(11), 10 * SECOND_US)
+    processes.take_heartbeat("logger", beat(11), 10 * SECOND_US)
     assert states(processes, 10 * SECOND_US) == [("logger", 7, "alive"), ("logger", 11, "alive")]
 
 
 def test_a_logger_that_finished_is_not_missed_beside_one_that_goes_on():
     processes = ProcessStates()
-    processes.beat("logger", beat(7), 0)
-    processes.tell(told("logger", 9, TOLD.FINISHED), SECOND_US)
+    processes.take_heartbeat("logger", beat(7), 0)
+    processes.take_report(report("logger", 9, TOLD.FINISHED), SECOND_US)
     assert ("logger", 9, "finished") in states(processes, SECOND_US)
-    processes.beat("logger", beat(7), 2 * SECOND_US)
+    processes.take_heartbeat("logger", beat(7), 2 * SECOND_US)
     assert states(processes, 2 * SECOND_US) == [("logger", 7, "alive")]
 
 
 def test_endless_process_ids_fill_no_memory():
     processes = ProcessStates()
     for pid in range(100 * MOST_OF_A_NAME):
-        processes.tell(told("plant", pid, TOLD.DIED), pid)
-        processes.beat("onboard", beat(pid), 0)
+        processes.take_report(report("plant", pid, TOLD.DIED), pid)
+        processes.take_heartbeat("onboard", beat(pid), 0)
     assert len(processes.entries(SECOND_US)) <= 2 * MOST_OF_A_NAME

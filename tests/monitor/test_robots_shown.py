@@ -5,7 +5,7 @@ from test_state import speak
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.config.load import dump_config, load_config
-from offboard.monitor.state import LabView
+from offboard.monitor.lab_view import LabView
 
 
 def test_a_robot_that_fell_silent_gives_its_place_to_one_that_speaks():
@@ -57,7 +57,7 @@ def test_size_and_sets_are_marked_as_assumed_until_a_session_says_them():
     assert "assumes" not in robot["line"]
     assert robot["robot"]["track_width_m"] == 0.5
     # The page of a lab knows its own robot.
-    view = LabView(load_config(), own="R1")
+    view = LabView(load_config(), known_robot="R1")
     for name in ("R1", "R2"):
         speak(view, name, 0)
     assert {name: robot["assumed"] for name, robot in view.snapshot(0).items()} == {

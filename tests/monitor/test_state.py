@@ -11,8 +11,8 @@ from koopman_lab.bus import channels
 from koopman_lab.config.load import load_config
 from koopman_lab.replay.rotated_log import read_rotated_log
 from offboard.monitor.json_values import number
-from offboard.monitor.robot import ROW_S
-from offboard.monitor.state import LabView
+from offboard.monitor.lab_view import LabView
+from offboard.monitor.robot_view import ROW_S
 
 REFERENCE = Path(__file__).parents[1] / "data" / "reference"
 YEAR_US = 365 * 86_400_000_000

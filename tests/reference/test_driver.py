@@ -4,7 +4,7 @@ import pytest
 
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import Pose
-from offboard.reference.driver import Driver, Observation, Phase
+from offboard.reference.reference_driver import Observation, Phase, ReferenceDriver
 
 START = Pose(0.7, 0.1, -0.8)
 INPUTS = [(0.2, 0.0), (0.0, 0.3), (-0.2, -0.3)]
@@ -15,7 +15,7 @@ class Robot:
     """Answers a driver as a plant and its motor loop would."""
 
     def __init__(self, runs=2):
-        self.driver = Driver(load_config(robot="dynamic"), START, INPUTS, runs)
+        self.driver = ReferenceDriver(load_config(robot="dynamic"), START, INPUTS, runs)
         self.pose, self.now_us = Pose(0.0, 0.0, 0.0), 0
         self.ready, self.holding, self.hands = True, False, True
         self.actions = []

@@ -54,7 +54,7 @@ def test_every_claim_with_its_rule_every_caption_and_command_is_in_the_report(fo
     text = shown((folder / f"report.{ending}").read_text())
     found = StepResults(folder)
     for claim in CLAIMS:
-        assert claim.says in text
+        assert claim.sentence in text
         assert claim.paper in text
         assert claim.remark in text
         for rule in judge(claim, found).rules:
@@ -67,7 +67,7 @@ def test_every_claim_with_its_rule_every_caption_and_command_is_in_the_report(fo
         row = f"| {' | '.join(cells)} |"
     assert text.count(row) == len(GRIDS)
     for setting in SETTINGS:
-        assert setting.says in text
+        assert setting.sentence in text
     for picture in PICTURES:
         assert picture.caption in text
         assert f"klab make {picture.step}" in text
@@ -91,7 +91,7 @@ def test_images_are_files_beside_the_markdown_and_inside_the_html(folder):
 
 def test_the_readme_gets_a_table_of_all_claims_and_a_few_small_figures(folder):
     section = (folder / "readme" / "section.md").read_text()
-    assert all(claim.says in shown(section) for claim in CLAIMS)
+    assert all(claim.sentence in shown(section) for claim in CLAIMS)
     assert "A quick run." in section
     wanted = {f"{picture.step}.png" for picture in PICTURES if picture.shown}
     assert {file.name for file in (folder / "readme").glob("*.png")} == wanted

@@ -102,7 +102,7 @@ def test_a_killed_run_leaves_no_process_and_goes_on_with_the_step_it_was_in(tmp_
     begun = [FIRST, simulation(1e6)]
     assert set(finished(tmp_path, begun)) == {"first"}
     # The lock is held by whoever still works in the folder, the killed run's steps included.
-    with runner._locked(tmp_path):
+    with runner._folder_lock(tmp_path):
         pass
     before = (tmp_path / "first" / MARKER).stat()
     said: list[str] = []
@@ -171,7 +171,10 @@ def test_nothing_runs_when_all_is_done(tmp_path):
 
 def test_two_cannot_work_in_one_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(runner, "LOCK_LIMIT_S", 0.0)
-    with runner._locked(tmp_path), pytest.raises(LabStateError, match="another `klab reproduce`"):
+    with (
+        runner._folder_lock(tmp_path),
+        pytest.raises(LabStateError, match="another `klab reproduce`"),
+    ):
         run(tmp_path, [], 1, nothing)
 
 

@@ -10,7 +10,8 @@ from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import REST, Pose, Velocity, compose, move_along_arc
 from offboard.sampler.plan import Planner, contains
 from offboard.sampler.profile import stopping_speed
-from offboard.sampler.sampler import Observation, Phase, Sampler
+from offboard.sampler.sampler import Sampler
+from offboard.sampler.sampler_step import Observation, Phase
 
 DT_S = 0.05
 

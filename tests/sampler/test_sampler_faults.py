@@ -12,7 +12,7 @@ from koopman_lab.emulation.faults import fault_message
 from offboard.lab.nodes import lockstep_lab
 from offboard.lab.run_folder import RunFolder
 from offboard.sampler.node import SamplerNode
-from offboard.sampler.sampler import Phase
+from offboard.sampler.sampler_step import Phase
 
 NEAR = (
     *("sampler.draw_set.x1_m=[0.4, 0.8]", "sampler.draw_set.x2_m=[-0.2, 0.2]"),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from readme import ROOT
 
-from offboard.lab.python_process import command
+from offboard.lab.python_process import module_command
 
 
 def checkout(where: Path) -> Path:
@@ -19,7 +19,10 @@ def checkout(where: Path) -> Path:
     programs = where / ".venv" / "bin"
     programs.mkdir(parents=True)
     # Not links: an environment of its own would begin where the link lies.
-    for name, program in (("python", [sys.executable]), ("klab", command("offboard.cli.main"))):
+    for name, program in (
+        ("python", [sys.executable]),
+        ("klab", module_command("offboard.cli.main")),
+    ):
         (programs / name).write_text(f'#!/bin/sh\nexec {shlex.join(program)} "$@"\n')
         (programs / name).chmod(0o755)
     fingerprint = subprocess.run(

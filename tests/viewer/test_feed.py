@@ -9,8 +9,8 @@ import lcmtypes
 from koopman_lab.bus.channels import MOCAP_POSE
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
-from offboard.viewer.desk import Desk
 from offboard.viewer.guard import Guard
+from offboard.viewer.operator_desk import OperatorDesk
 from offboard.viewer.server import SNAPSHOT_S, Server
 
 LIMIT_S = 20.0
@@ -56,7 +56,7 @@ class Client:
 def test_a_client_that_does_not_read_holds_nobody_up_and_then_gets_the_newest(bus_url):
     async def story():
         config = load_config(overrides=[f"bus.url={bus_url}"])
-        desk, mouth = Desk(config), Listener(config)
+        desk, mouth = OperatorDesk(config), Listener(config)
         server = Server(desk, Guard(None), print)
         async with server.app.router.lifespan_context(server.app):
             slow, reader = Client(server), Client(server)
@@ -81,7 +81,7 @@ def test_a_client_that_does_not_read_holds_nobody_up_and_then_gets_the_newest(bu
 def test_every_page_gets_every_row_once_however_slowly_it_reads(bus_url):
     async def story():
         config = load_config(overrides=[f"bus.url={bus_url}"])
-        desk = Desk(config)
+        desk = OperatorDesk(config)
         server = Server(desk, Guard(None), print)
         pose, step_us = lcmtypes.mocap_pose_t(), round(SNAPSHOT_S * 1e6)
         async with server.app.router.lifespan_context(server.app):

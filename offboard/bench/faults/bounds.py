@@ -1,4 +1,4 @@
-"""Within what time the robot must stand after a fault, by what stops it."""
+"""The longest time until the robot must stand after a fault, by what stops it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A solver that fails when it is told to."""
+"""A solver that fails in its first calls, as many as it is made for."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every way in which a drive can go wrong, and what must happen then."""
+"""The table of faults: what goes wrong while the robot drives, and what must happen then."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ class Scenario:
         States of the motor loop that must come, in this order.
     bound
         Largest time (s) until the robot stands and goes on standing; None if it must drive on.
-    told
-        Words that the operator must be told, at once or at the end of the session.
+    message
+        Part of what the operator must read, at once or at the end of the session.
     activity
         What the robot is doing.
     watched_s
@@ -68,13 +68,13 @@ class Scenario:
     strike: Callable[[Stage], None]
     states: tuple[str, ...]
     bound: Bound | None = None
-    told: str = ""
+    message: str = ""
     activity: Activity = "park"
     watched_s: float = 2.5
     by_wheels: bool | None = None
 
     def is_for(self, robot: RobotType) -> bool:
-        """Return whether it means something for a kind of robot."""
+        """Return whether it means something for a type of robot."""
         return self.by_wheels in (None, bool(robot.speeds_at))
 
 
@@ -196,10 +196,10 @@ SCENARIOS: tuple[Scenario, ...] = (
         "goal outside the floor",
         send_to(Pose(30.0, 0.0, 0.0)),
         ("DRIVING",),
-        told="goal: x1 = 30 m is outside",
+        message="goal: x1 = 30 m is outside",
     ),
     Scenario(
-        "model of the wrong robot", wrong_model, ("DRIVING",), told="the prediction model is of"
+        "model of the wrong robot", wrong_model, ("DRIVING",), message="the prediction model is of"
     ),
     Scenario("wheel odometry missing", no_wheels, ("DRIVING",), by_wheels=False),
     Scenario(

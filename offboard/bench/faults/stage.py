@@ -1,4 +1,4 @@
-"""The whole lab in lockstep, in which nodes can die and somebody watches the true robot."""
+"""The whole lab in lockstep, in which nodes can be killed and the true motion is recorded."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ START = Pose(-1.8, 0.3, 0.0)
 """Far enough from the goal that parking is not over before the scenario is."""
 
 
-class Sight(NamedTuple):
-    """What PLANT_TRUTH tells."""
+class TruthSample(NamedTuple):
+    """The true pose and velocity of the robot at one time, from PLANT_TRUTH."""
 
     utime: int
     x1_m: float
@@ -45,12 +45,12 @@ class Sight(NamedTuple):
     omega_rad_per_s: float
 
     @classmethod
-    def of(cls, t: lcmtypes.plant_truth_t) -> Sight:
-        """Return what a message tells."""
+    def of(cls, t: lcmtypes.plant_truth_t) -> TruthSample:
+        """Return the sample that a message holds."""
         return cls(t.utime, t.x1_m, t.x2_m, t.theta_rad, t.v_m_per_s, t.omega_rad_per_s)
 
 
-class Mortal:
+class KillableNode:
     """A node that can die as by `kill -9`: it says nothing more, not even a last stop.
 
     Only the runner's own heartbeat for it goes on; no node acts on those.
@@ -66,7 +66,7 @@ class Mortal:
 
     def attach(self, port: Port) -> None:
         """Attach the node to a port that dies with it."""
-        self._node.attach(_MortalPort(port, self))
+        self._node.attach(_KillablePort(port, self))
 
     def close(self) -> None:
         """Close the node in order, if it still lives."""
@@ -75,8 +75,8 @@ class Mortal:
             self.alive = False
 
 
-class _MortalPort:
-    def __init__(self, port: Port, owner: Mortal) -> None:
+class _KillablePort:
+    def __init__(self, port: Port, owner: KillableNode) -> None:
         self.robot_name, self.virtual, self.process = port.robot_name, port.virtual, port.process
         self._port, self._owner = port, owner
         self.now_us, self.lost_messages = port.now_us, port.lost_messages
@@ -99,12 +99,12 @@ class _MortalPort:
 
 
 class Witness:
-    """Writes down the true motion."""
+    """A node that records the true motion."""
 
     name = "witness"
 
     def __init__(self) -> None:
-        self.sights: list[Sight] = []
+        self.sights: list[TruthSample] = []
 
     def attach(self, port: Port) -> None:
         """Listen to PLANT_TRUTH."""
@@ -114,7 +114,7 @@ class Witness:
         """Nothing is held."""
 
     def _on_truth(self, t: lcmtypes.plant_truth_t) -> None:
-        self.sights.append(Sight.of(t))
+        self.sights.append(TruthSample.of(t))
 
 
 class Stage:
@@ -140,7 +140,7 @@ class Stage:
         self.lab = Lockstep(config)
         self.onboard = OnboardNode(config)
         self.witness = Witness()
-        self.told = ""
+        self.message = ""
         """The message with which the session ended."""
         self.states: list[str] = []
         """Of the motor loop, one after another."""
@@ -150,17 +150,17 @@ class Stage:
         )
         self._logger = LoggerNode(config, log)
         nodes: tuple[Node, ...] = (self.onboard, self._logger, self.commander)
-        self.mortals = {node.name: Mortal(node) for node in nodes}
+        self.killable = {node.name: KillableNode(node) for node in nodes}
         self.lab.add(PlantNode(config))
-        for mortal in self.mortals.values():
-            board = mortal.name == self.onboard.name
-            self.lab.add(mortal, emulated_board(config) if board else None)
+        for node_of_stage in self.killable.values():
+            board = node_of_stage.name == self.onboard.name
+            self.lab.add(node_of_stage, emulated_board(config) if board else None)
         self.lab.add(RobotWatchNode(config))
         self.lab.add(self.witness)
 
     def run(self, seconds: float) -> None:
         """Go on, and end the session where it ends itself or the watch ends it."""
-        commander = self.mortals[self.commander.name]
+        commander = self.killable[self.commander.name]
         for _ in range(round(seconds / STEP_S)):
             try:
                 self.lab.run(STEP_S)
@@ -187,7 +187,7 @@ class Stage:
 
     def kill(self, name: str) -> None:
         """Let a node die."""
-        self.mortals[name].alive = False
+        self.killable[name].alive = False
         if name == self._logger.name:
             # As the system does with the files of a process that is gone.
             self._logger.close()
@@ -203,12 +203,12 @@ class Stage:
     @property
     def session(self) -> str:
         """Return whether the session goes on, has ended, or its process has died."""
-        if self.mortals[self.commander.name].alive:
+        if self.killable[self.commander.name].alive:
             return "goes on"
-        return "has ended" if self.told else "has died, which the supervisor says"
+        return "has ended" if self.message else "has died, which the supervisor says"
 
-    def _end(self, commander: Mortal, told: str) -> None:
-        self.told = self.told or told
+    def _end(self, commander: KillableNode, message: str) -> None:
+        self.message = self.message or message
         commander.close()
 
     def _outcome(self) -> str:
@@ -225,11 +225,11 @@ class Stage:
             self.states.append(state)
 
 
-def is_at_rest(sight: Sight) -> bool:
+def is_at_rest(sight: TruthSample) -> bool:
     """Return whether the robot stands: slower than 1 mm/s and 0.01 rad/s."""
     return abs(sight.v_m_per_s) < 1e-3 and abs(sight.omega_rad_per_s) < 1e-2
 
 
-def rolled_m(sights: list[Sight]) -> float:
+def rolled_m(sights: list[TruthSample]) -> float:
     """Return the length of the way (m)."""
     return sum(math.hypot(b.x1_m - a.x1_m, b.x2_m - a.x2_m) for a, b in pairwise(sights))

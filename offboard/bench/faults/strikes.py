@@ -1,4 +1,4 @@
-"""What makes a drive go wrong."""
+"""Functions that make something go wrong in a driving lab, one for each kind of fault."""
 
 from __future__ import annotations
 
@@ -70,13 +70,13 @@ def command(u: float, age_s: float = 0.0) -> Callable[[Stage], None]:
 
 
 def send_to(goal: Pose) -> Callable[[Stage], None]:
-    """Return a strike that moves the goal, and tells what `klab goal` would say of it."""
+    """Return a strike that moves the goal, and keeps what `klab goal` would say of it."""
 
     def strike(stage: Stage) -> None:
         try:
             require_reachable(goal, stage.config.controller)
         except LabStateError as error:
-            stage.told = str(error)
+            stage.message = str(error)
         stage.lab.publish(GOAL, goal_message(goal, stage.lab.now_us))
 
     return strike
@@ -89,7 +89,7 @@ def wrong_model(stage: Stage) -> None:
     try:
         stage.join(ControllerNode(stage.config, prediction))
     except ModelError as error:
-        stage.told = str(error)
+        stage.message = str(error)
 
 
 def no_number(stage: Stage) -> None:
@@ -102,7 +102,7 @@ def no_number(stage: Stage) -> None:
 
 def no_wheels(stage: Stage) -> None:
     """Let the board say nothing more of its wheels."""
-    stage.mortals["onboard"].muted.add(WHEEL_STATE.suffix)
+    stage.killable["onboard"].muted.add(WHEEL_STATE.suffix)
 
 
 def failing_solver(times: float) -> Callable[[Stage], None]:

@@ -50,10 +50,10 @@ def needed(
     from koopman_lab.koopman.train import resolve
 
     opened = open_source(source, window=window, salvage=salvage)
-    own = resolve(dictionary or opened.dictionary, opened.dataset)
+    resolved = resolve(dictionary or opened.dictionary, opened.dataset)
     methods = list(study.METHODS)
     try:
-        equivariant_basis(own)
+        equivariant_basis(resolved)
     except ModelError as error:
         err.print(f"without symmetric fits: {error}", markup=False)
         methods = [name for name in methods if not study.METHODS[name].symmetric]
@@ -61,7 +61,7 @@ def needed(
     rows = []
     with progress("fitting", "fits") as report:
         for row in study.needed(
-            opened.dataset, own, counts, repetitions, methods=methods, seed=seed
+            opened.dataset, resolved, counts, repetitions, methods=methods, seed=seed
         ):
             rows.append(row)
             report(len(rows), len(counts) * len(methods), f"{row.method}, {row.count} samples")
@@ -78,14 +78,14 @@ def needed(
     if as_json:
         facts = {
             "source": str(opened.file),
-            "dictionary": own.name,
+            "dictionary": resolved.name,
             "steps": study.STEPS,
             "percentiles": study.BAND,
             "rows": [asdict(row) for row in rows],
         }
         out.print_json(json.dumps(facts))
     else:
-        _show(own.name, rows)
+        _show(resolved.name, rows)
     show_passed_over(opened.passed_over)
 
 

@@ -62,7 +62,7 @@ def sweep(
     from koopman_lab.evaluation.sweep import sweep as fits
     from koopman_lab.koopman import dictionary as dictionaries
 
-    wanted = options.parse_windows(windows)
+    window_sizes = options.parse_windows(windows)
     log = SessionLog(session, salvage=salvage)
     config = log.config()
     name = dictionary or config.model.dictionary
@@ -72,9 +72,9 @@ def sweep(
     )
     observables = dictionaries.dictionary(name, config.robot.kind).names
     with progress("fitting", "fits") as report:
-        for row in fits(log, wanted, name, estimators):
+        for row in fits(log, window_sizes, name, estimators):
             rows.append(row)
-            report(len(rows), len(wanted) * len(estimators), f"window {row.window}")
+            report(len(rows), len(window_sizes) * len(estimators), f"window {row.window}")
     entries = known_entries(config, observables)
     if figure is not None:
         from koopman_lab.figures.sweep import draw_sweep
@@ -95,8 +95,12 @@ def sweep(
         }
         out.print_json(json.dumps(facts))
     else:
-        for used in estimators:
-            _show(f"{name}, {used}", [row for row in rows if row.estimator == used], entries)
+        for estimator_name in estimators:
+            _show(
+                f"{name}, {estimator_name}",
+                [row for row in rows if row.estimator == estimator_name],
+                entries,
+            )
     show_passed_over(log.passed_over)
 
 
@@ -127,13 +131,13 @@ def _show(name: str, rows: Sequence[SweepRow], entries: Sequence[Entry]) -> None
         table.add_row(escape(entry.name), f"{entry.nominal:g}", *cells)
     table.add_row("row of constant", "0", *(f"{row.constant_residual:.0e}" for row in fitted))
     table.add_row("condition", "", *(f"{row.condition:.2f}" for row in fitted))
-    for steps, found in (
+    for steps, errors in (
         ("1 step", [row.one_step for row in fitted]),
         (f"{STEPS} steps", [row.multi_step for row in fitted]),
     ):
-        for measure, of in MEASURES.items():
-            cells = ["-" if e is None else f"{of(e):.2f}" for e in found]
-            table.add_row(f"{steps}, {measure}", "0", *cells)
+        for label, measure in MEASURES.items():
+            cells = ["-" if e is None else f"{measure(e):.2f}" for e in errors]
+            table.add_row(f"{steps}, {label}", "0", *cells)
     out.print(table)
     for row in rows:
         if row.refused is not None:

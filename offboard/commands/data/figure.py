@@ -49,10 +49,10 @@ def samples(
     from koopman_lab.figures.samples import draw_samples
     from koopman_lab.figures.samples import samples as collected
 
-    wanted = options.parse_windows(windows)
+    window_sizes = options.parse_windows(windows)
     log = SessionLog(session, salvage=salvage)
     recorded = recording(log)
-    shown = collected(recorded, wanted)
+    shown = collected(recorded, window_sizes)
     with _drawing(file):
         draw_samples(file, shown, robot_type(recorded.config.robot.kind))
     show_passed_over(log.passed_over)
@@ -61,7 +61,7 @@ def samples(
 @app.command()
 @needs("desk")
 def dictionaries(
-    given: options.ModelsAndRuns,
+    paths: options.ModelsAndRuns,
     file: FigureFile,
     window: options.Window = None,
     salvage: options.Salvage = False,
@@ -74,16 +74,16 @@ def dictionaries(
     """
     from koopman_lab.figures.dictionaries import draw_dictionaries
 
-    models, sessions, _ = read = models_and_runs(given, window, salvage=salvage)
+    models, sessions, _ = inputs = models_and_runs(paths, window, salvage=salvage)
     with _drawing(file):
         draw_dictionaries(file, models, sessions)
-    read.show_passed_over()
+    inputs.show_passed_over()
 
 
 @app.command()
 @needs("desk")
 def multistep(
-    given: options.ModelsAndRuns,
+    paths: options.ModelsAndRuns,
     file: FigureFile,
     steps: options.Steps = 20,
     window: options.Window = None,
@@ -98,17 +98,17 @@ def multistep(
     """
     from koopman_lab.figures.multistep import draw_multi_step, multi_step
 
-    models, sessions, _ = read = models_and_runs(given, window, salvage=salvage)
+    models, sessions, _ = inputs = models_and_runs(paths, window, salvage=salvage)
     if len(models) > 1 or len(sessions) > 1:
         raise DataError(
             f"{len(models)} models and {len(sessions)} sessions: this figure is of one model on "
             "one session; `klab validate` compares several"
         )
     (name, model), runs = next(iter(models.items())), sessions[0]
-    found = multi_step(name, model, runs, steps)
+    errors = multi_step(name, model, runs, steps)
     with _drawing(file):
-        draw_multi_step(file, found, f"{runs.count} runs, {runs.shape}")
-    read.show_passed_over()
+        draw_multi_step(file, errors, f"{runs.count} runs, {runs.shape}")
+    inputs.show_passed_over()
 
 
 @contextlib.contextmanager

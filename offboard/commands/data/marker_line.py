@@ -1,4 +1,4 @@
-"""What a person reads of the marker offset."""
+"""The line in which commands show the marker offset of a data set."""
 
 from __future__ import annotations
 

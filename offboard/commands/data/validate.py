@@ -24,7 +24,7 @@ FIGURE = "validation"
 
 @needs("desk")
 def validate(
-    given: options.ModelsAndRuns,
+    paths: options.ModelsAndRuns,
     steps: options.Steps = 20,
     window: options.Window = None,
     out_folder: options.Out = None,
@@ -41,27 +41,29 @@ def validate(
     from koopman_lab.evaluation.validation import validate as measure
     from koopman_lab.figures.validation import draw_validation
 
-    models, sessions, _ = read = models_and_runs(given, window, salvage=salvage)
-    found: list[Validation] = []
+    models, sessions, _ = inputs = models_and_runs(paths, window, salvage=salvage)
+    validations: list[Validation] = []
     total = len(sessions) * (2 * len(models) + 1)
     with progress("validating", "predictors") as report:
         for runs in sessions:
             for validation in measure(models, runs, steps):
-                found.append(validation)
-                report(len(found), total)
+                validations.append(validation)
+                report(len(validations), total)
     folder = run_path(out_folder, "validation")
     try:
-        draw_validation(folder / FIGURE, found)
+        draw_validation(folder / FIGURE, validations)
     except OSError as error:
         raise DataError(
             f"{folder}: cannot be written ({error.strerror}); choose another folder with --out"
         ) from None
-    read.show_passed_over()
+    inputs.show_passed_over()
     if as_json:
-        out.print_json(json.dumps({"steps": steps, "validations": [asdict(v) for v in found]}))
+        out.print_json(
+            json.dumps({"steps": steps, "validations": [asdict(v) for v in validations]})
+        )
     else:
         for runs in sessions:
-            _show([v for v in found if v.session == str(runs.path)], steps)
+            _show([v for v in validations if v.session == str(runs.path)], steps)
     err.print(f"figure and numbers: {folder / FIGURE}.png, .pdf, .csv")
 
 
@@ -95,10 +97,13 @@ def _show(validations: Sequence[Validation], steps: int) -> None:
         for name in ("starts", *measures):
             table.add_column(name, justify="right")
         for v in validations:
-            e = v.errors[ahead - 1]
+            errors = v.errors[ahead - 1]
             cells = ["0"]
-            if e is not None:
-                cells = [str(e.starts), *(f"{of(e):.2f}" for of in measures.values())]
+            if errors is not None:
+                cells = [
+                    str(errors.starts),
+                    *(f"{measure_of(errors):.2f}" for measure_of in measures.values()),
+                ]
             reprojected = "" if v.reprojection is None else "yes" if v.reprojection else "no"
             table.add_row(v.model, reprojected, *cells)
         out.print(table)

@@ -1,4 +1,4 @@
-"""Models and reference runs, as a person lists them together."""
+"""Reads the models and the reference runs that a person lists together."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ValidationInputs(NamedTuple):
 
 
 def models_and_runs(
-    given: Sequence[Path], window: int | None, *, salvage: bool
+    paths: Sequence[Path], window: int | None, *, salvage: bool
 ) -> ValidationInputs:
     """Read models (.npz) and the sessions of reference runs (everything else).
 
@@ -44,13 +44,13 @@ def models_and_runs(
     from koopman_lab.evaluation.validation import common_dt_s, require_robot
     from koopman_lab.predictors.table import load_model
 
-    files = list(dict.fromkeys(path for path in given if path.suffix == ENDING))
-    others = list(dict.fromkeys(path for path in given if path.suffix != ENDING))
+    files = list(dict.fromkeys(path for path in paths if path.suffix == ENDING))
+    others = list(dict.fromkeys(path for path in paths if path.suffix != ENDING))
     if not files or not others:
         missing = "model (a .npz file of `klab train`)"
         if files:
             missing = "reference run (a folder or log of `klab reference`)"
-        raise DataError(f"{', '.join(map(str, given))}: no {missing} among them; name at least one")
+        raise DataError(f"{', '.join(map(str, paths))}: no {missing} among them; name at least one")
     names = [path.stem for path in files]
     models = {
         path.stem if names.count(path.stem) == 1 else str(path): load_model(path) for path in files

@@ -56,12 +56,12 @@ def weights(
     from koopman_lab.studies import weights as studies
 
     loaded = load_model(model)
-    wanted = [f"controller.dt_s={loaded.dt_s}", *(overrides or ())]
-    lab = options.resolve(config, wanted, None if config else loaded.robot.name)
+    changes = [f"controller.dt_s={loaded.dt_s}", *(overrides or ())]
+    lab = options.resolve(config, changes, None if config else loaded.robot.name)
     require_robot(loaded, lab.robot.kind)
     grid = studies.settings(cost or COSTS.own_names(), options.parse_factors(factors))
     robot = robot_type(lab.robot.kind)
-    x0 = robot.state(options.start_of(start, robot.runs.simulate_start))
+    x0 = robot.state(options.start_or_default(start, robot.runs.simulate_start))
     seconds = duration_s if duration_s is not None else robot.runs.simulate_s
     rows = []
     with progress("simulating") as report:
@@ -74,17 +74,17 @@ def weights(
         raise DataError(
             f"{file}: cannot be written ({error.strerror}); choose another file with --out"
         ) from None
-    found = studies.summary(rows)
+    summaries = studies.summary(rows)
     err.print(f"all runs: {file}")
     if as_json:
-        out.print_json(json.dumps(found))
+        out.print_json(json.dumps(summaries))
         return
     from rich.table import Table
 
     table = Table("cost", box=None, pad_edge=False, title="largest |x2| of the last second (mm)")
     for column in ("runs", "configured", "best", "median", "worst", "< 1 mm", "< 5 mm"):
         table.add_column(column, justify="right")
-    for name, facts in found.items():
+    for name, facts in summaries.items():
         table.add_row(
             name,
             f"{facts['runs']:.0f}",

@@ -1,4 +1,4 @@
-"""Runs a study of random starts: its models, its pool, its progress, its table."""
+"""What the studies of random starts share: models, the pool of processes, progress, the table."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from koopman_lab.studies.trained_models import Recipe
 
 
-class How(NamedTuple):
+class RunPlan(NamedTuple):
     """How a study is run: who runs it, where its files are, and whether it goes on."""
 
     folder: Path
@@ -31,7 +31,7 @@ class How(NamedTuple):
     pool: Callable[[], Pool]
 
 
-def how_to_run(
+def run_plan(
     name: str,
     folder: Path | None,
     runs: int,
@@ -39,7 +39,7 @@ def how_to_run(
     resume: bool,
     workers: int | None,
     dask: str | None,
-) -> How:
+) -> RunPlan:
     """Return how a study is run, from what was typed.
 
     Raises
@@ -61,10 +61,10 @@ def how_to_run(
 
         return Processes(workers or joblib.cpu_count()) if dask is None else Cluster(dask)
 
-    return How(run_path(folder, name), runs, chunk, resume, pool)
+    return RunPlan(run_path(folder, name), runs, chunk, resume, pool)
 
 
-def with_model(
+def lab_of_model(
     model: Path,
     kind: str | None,
     config: Path | None,
@@ -76,15 +76,15 @@ def with_model(
     from koopman_lab.predictors.table import load_model
 
     loaded = load_model(model)
-    wanted = [f"controller.dt_s={loaded.dt_s}", *(overrides or ())]
+    changes = [f"controller.dt_s={loaded.dt_s}", *(overrides or ())]
     lab = options.resolve(
-        config, wanted, kind or (None if config else loaded.robot.name), seed=seed
+        config, changes, kind or (None if config else loaded.robot.name), seed=seed
     )
     require_robot(loaded, lab.robot.kind)
     return lab, model.read_bytes()
 
 
-def opened(source: Path, kind: str | None) -> tuple[DataSet, str]:
+def open_dataset(source: Path, kind: str | None) -> tuple[DataSet, str]:
     """Return a data set, at the paper's sampling time, and the dictionary for it."""
     from koopman_lab.data.source import open_source
 
@@ -96,13 +96,13 @@ def opened(source: Path, kind: str | None) -> tuple[DataSet, str]:
     return read.dataset, read.dictionary
 
 
-def trained(
+def trained_cases(
     recipes: dict[str, Recipe],
     dataset: DataSet,
     dictionary: str,
     overrides: Sequence[str] | None,
     seed: int | None,
-    how: How,
+    plan: RunPlan,
 ) -> list[Case]:
     """Return a case for each model, trained into the study's folder or refused.
 
@@ -115,13 +115,13 @@ def trained(
     from koopman_lab.studies.parking import Case
 
     kind = dataset.robot_kind
-    wanted = [f"controller.dt_s={dataset.dt_s}", *(overrides or ())]
-    lab = options.resolve(None, wanted, kind, seed=seed)
+    changes = [f"controller.dt_s={dataset.dt_s}", *(overrides or ())]
+    lab = options.resolve(None, changes, kind, seed=seed)
     seconds = robot_type(kind).runs.simulate_s
-    goes_on = how.resume and (how.folder / "study.json").exists()
+    goes_on = plan.resume and (plan.folder / "study.json").exists()
     cases = []
     for label, recipe in recipes.items():
-        file = how.folder / "models" / f"{label}.npz"
+        file = plan.folder / "models" / f"{label}.npz"
         content, refused = models.trained(file, recipe, dataset, dictionary, lab.seed, keep=goes_on)
         if refused:
             err.print(f"{label}: no model ({refused})", markup=False)
@@ -129,7 +129,9 @@ def trained(
     return cases
 
 
-def run(name: str, cases: Sequence[Case], how: How, facts: dict[str, Any] | None = None) -> None:
+def run_and_show(
+    name: str, cases: Sequence[Case], plan: RunPlan, facts: dict[str, Any] | None = None
+) -> None:
     """Run a study to its end and print its table.
 
     Raises
@@ -139,15 +141,15 @@ def run(name: str, cases: Sequence[Case], how: How, facts: dict[str, Any] | None
     """
     from koopman_lab.studies.runner import Study, run_study
 
-    study = Study(name, cases, how.runs, facts or {})
-    pool = how.pool()
+    study = Study(name, cases, plan.runs, facts or {})
+    pool = plan.pool()
     with progress(name, "runs") as report:
         rows = run_study(
-            how.folder,
+            plan.folder,
             study,
             pool,
-            how.chunk,
-            how.resume,
+            plan.chunk,
+            plan.resume,
             lambda done, total, rate: report(done, total, f"{rate:.1f} runs/s"),
             lambda left: err.print(
                 "a process was killed; what it was at is run again"
@@ -155,7 +157,7 @@ def run(name: str, cases: Sequence[Case], how: How, facts: dict[str, Any] | None
             ),
         )
     _show(study, rows)
-    err.print(f"figure: {how.folder / 'distribution.png'}")
+    err.print(f"figure: {plan.folder / 'distribution.png'}")
 
 
 def _show(study: Study, rows: Sequence[dict[str, Any]]) -> None:
@@ -169,12 +171,12 @@ def _show(study: Study, rows: Sequence[dict[str, Any]]) -> None:
     for column in ("runs", "failed", "25 %", "50 %", "75 %", "95 %", "max", "< 2 mm"):
         shown.add_column(column, justify="right", no_wrap=True)
     for line in table(rows, [case.label for case in study.cases]):
-        of = dict(zip(COLUMNS, line, strict=True))
+        values = dict(zip(COLUMNS, line, strict=True))
         shown.add_row(
-            of["case"],
-            str(of["runs"]),
-            str(of["failed"]),
-            *(f"{of[column]:.3g}" for column in columns),
-            f"{100.0 * of['share_below_2_mm']:.0f} %",
+            values["case"],
+            str(values["runs"]),
+            str(values["failed"]),
+            *(f"{values[column]:.3g}" for column in columns),
+            f"{100.0 * values['share_below_2_mm']:.0f} %",
         )
     out.print(shown)

@@ -12,7 +12,14 @@ from koopman_lab.errors import DataError
 from koopman_lab.robots.dynamic import DYNAMIC
 from koopman_lab.robots.kinematic import KINEMATIC
 from koopman_lab.robots.table import robot_type
-from offboard.commands.studies.study_run import How, how_to_run, opened, run, trained, with_model
+from offboard.commands.studies.study_run import (
+    RunPlan,
+    lab_of_model,
+    open_dataset,
+    run_and_show,
+    run_plan,
+    trained_cases,
+)
 from offboard.terminal import options
 from offboard.terminal.needs import needs
 
@@ -67,8 +74,8 @@ def kinematic_parking(
 
     Example: klab study kinematic-parking --model runs/slow.npz --runs 100 --out runs/parking
     """
-    how = how_to_run(f"{KINEMATIC.name}-parking", folder, runs, chunk, resume, workers, dask)
-    _parking(f"{KINEMATIC.name}-parking", KINEMATIC.name, model, how, config, overrides, seed)
+    plan = run_plan(f"{KINEMATIC.name}-parking", folder, runs, chunk, resume, workers, dask)
+    _run_parking(f"{KINEMATIC.name}-parking", KINEMATIC.name, model, plan, config, overrides, seed)
 
 
 @needs("cluster", "--dask", lambda options: options["dask"])
@@ -91,8 +98,8 @@ def dynamic_parking(
 
     Example: klab study dynamic-parking --model runs/dynamic.npz --runs 100 --out runs/parking
     """
-    how = how_to_run(f"{DYNAMIC.name}-parking", folder, runs, chunk, resume, workers, dask)
-    _parking(f"{DYNAMIC.name}-parking", DYNAMIC.name, model, how, config, overrides, seed)
+    plan = run_plan(f"{DYNAMIC.name}-parking", folder, runs, chunk, resume, workers, dask)
+    _run_parking(f"{DYNAMIC.name}-parking", DYNAMIC.name, model, plan, config, overrides, seed)
 
 
 @needs("cluster", "--dask", lambda options: options["dask"])
@@ -115,14 +122,14 @@ def horizon(
     """
     from koopman_lab.studies.parking import Case, with_controller
 
-    how = how_to_run("horizon", folder, runs, chunk, resume, workers, dask)
-    lab, content = with_model(model, None, config, overrides, seed)
+    plan = run_plan("horizon", folder, runs, chunk, resume, workers, dask)
+    lab, content = lab_of_model(model, None, config, overrides, seed)
     seconds = robot_type(lab.robot.kind).runs.simulate_s
     cases = [
         Case(f"h{steps}", with_controller(lab, horizon=steps), "reprojected", seconds, content)
         for steps in HORIZONS
     ]
-    run("horizon", cases, how)
+    run_and_show("horizon", cases, plan)
 
 
 @needs("cluster", "--dask", lambda options: options["dask"])
@@ -160,17 +167,17 @@ def data_efficiency(
     sources = {KINEMATIC.name: kinematic, DYNAMIC.name: dynamic}
     if not any(sources.values()):
         raise DataError("name a session with --dataset-kinematic, --dataset-dynamic, or both")
-    how = how_to_run("data-efficiency", folder, runs, chunk, resume, workers, dask)
+    plan = run_plan("data-efficiency", folder, runs, chunk, resume, workers, dask)
     cases: list[Case] = []
     facts: dict[str, Any] = {}
     for kind, source in sources.items():
         if source is None:
             continue
-        dataset, dictionary = opened(source, kind)
+        dataset, dictionary = open_dataset(source, kind)
         recipes = {f"{kind}-{label}": recipe for label, recipe in by_count().items()}
-        cases += trained(recipes, dataset, dictionary, overrides, seed, how)
+        cases += trained_cases(recipes, dataset, dictionary, overrides, seed, plan)
         facts[f"data_{kind}"] = dataset.data_hash
-    run("data-efficiency", cases, how, facts)
+    run_and_show("data-efficiency", cases, plan, facts)
 
 
 @needs("cluster", "--dask", lambda options: options["dask"])
@@ -198,8 +205,8 @@ def combination(
         "paper": Recipe(method=Method(combination="paper")),
         "generator": Recipe(method=Method(combination="generator")),
     }
-    how = how_to_run("combination", folder, runs, chunk, resume, workers, dask)
-    _methods("combination", recipes, source, dictionary, overrides, seed, how)
+    plan = run_plan("combination", folder, runs, chunk, resume, workers, dask)
+    _run_methods("combination", recipes, source, dictionary, overrides, seed, plan)
 
 
 @needs("cluster", "--dask", lambda options: options["dask"])
@@ -224,37 +231,37 @@ def fit(
     from koopman_lab.studies.trained_models import Recipe
 
     recipes = {name: Recipe(method=METHODS[name]) for name in ("plain", "noise-aware", "symmetric")}
-    how = how_to_run("fit", folder, runs, chunk, resume, workers, dask)
-    _methods("fit", recipes, source, dictionary, overrides, seed, how)
+    plan = run_plan("fit", folder, runs, chunk, resume, workers, dask)
+    _run_methods("fit", recipes, source, dictionary, overrides, seed, plan)
 
 
 COMMANDS = (kinematic_parking, dynamic_parking, data_efficiency, horizon, combination, fit)
 
 
-def _parking(
+def _run_parking(
     name: str,
     kind: str,
     model: Path,
-    how: How,
+    plan: RunPlan,
     config: Path | None,
     overrides: Sequence[str] | None,
     seed: int | None,
 ) -> None:
     from koopman_lab.studies.parking import cases
 
-    lab, content = with_model(model, kind, config, overrides, seed)
-    run(name, cases(lab, content, robot_type(kind).runs.simulate_s), how)
+    lab, content = lab_of_model(model, kind, config, overrides, seed)
+    run_and_show(name, cases(lab, content, robot_type(kind).runs.simulate_s), plan)
 
 
-def _methods(
+def _run_methods(
     name: str,
     recipes: dict[str, Recipe],
     source: Path,
     dictionary: str | None,
     overrides: Sequence[str] | None,
     seed: int | None,
-    how: How,
+    plan: RunPlan,
 ) -> None:
-    dataset, own = opened(source, None)
-    cases = trained(recipes, dataset, dictionary or own, overrides, seed, how)
-    run(name, cases, how, {"data": dataset.data_hash})
+    dataset, default_dictionary = open_dataset(source, None)
+    cases = trained_cases(recipes, dataset, dictionary or default_dictionary, overrides, seed, plan)
+    run_and_show(name, cases, plan, {"data": dataset.data_hash})

@@ -17,7 +17,7 @@ class Part:
     name: str
     unit: str
     rule: Rule
-    of: Callable[[StepResults], float]
+    measure: Callable[[StepResults], float]
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Claim:
         Stable, for tables.
     section
         Of the paper.
-    says
+    sentence
         The sentence in our own words.
     paper
         The paper's number; empty where it prints none.
@@ -42,14 +42,14 @@ class Claim:
 
     name: str
     section: str
-    says: str
+    sentence: str
     paper: str
     parts: Sequence[Part]
     remark: str = ""
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedClaim:
     """A claim with its verdict.
 
     ``numbers`` are ours in words, a line each; ``weakest`` is the one that decided; ``rules`` what
@@ -64,13 +64,13 @@ class Judged:
     steps: Sequence[str]
 
 
-def judge(claim: Claim, results: StepResults) -> Judged:
+def judge(claim: Claim, results: StepResults) -> JudgedClaim:
     """Return the verdict that follows from the numbers; a missing number is no verdict."""
-    results.asked.clear()
+    results.steps_read.clear()
     verdicts, numbers = [], []
     for part in claim.parts:
         try:
-            value = part.of(results)
+            value = part.measure(results)
         except DataError as error:
             verdicts.append(Verdict.UNKNOWN)
             numbers.append(f"{part.name}: {error}")
@@ -86,4 +86,4 @@ def judge(claim: Claim, results: StepResults) -> Judged:
         texts = [f"{', '.join(names)}: {rule}" for rule, names in rules.items()]
     verdict = worst(verdicts)
     weakest = numbers[verdicts.index(verdict)]
-    return Judged(claim, verdict, numbers, weakest, texts, tuple(results.asked))
+    return JudgedClaim(claim, verdict, numbers, weakest, texts, tuple(results.steps_read))

@@ -1,4 +1,4 @@
-"""What claims measure: numbers read from what the steps left."""
+"""Measures of the claims: functions that read a number from the files of the steps."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ JITTER_AXES = {"v": "v_m_per_s", "omega": "omega_rad_per_s"}
 def setting(step: str, *keys: str | int) -> Measure:
     """Measure a value of a step's configuration; whole numbers pick from lists."""
 
-    def of(results: StepResults) -> float:
+    def measure(results: StepResults) -> float:
         value = results.config(step, *(key for key in keys if isinstance(key, str)))
         for key in keys:
             if isinstance(key, int):
                 value = value[key]
         return float(value)
 
-    return of
+    return measure
 
 
 def fact(step: str, *keys: str) -> Measure:
@@ -83,21 +83,21 @@ def runs(study: str, case: str) -> Measure:
     return lambda results: float(len(results.ends_mm(study, case)))
 
 
-def scaled(factor: float, measure: Measure) -> Measure:
+def scaled(factor: float, number: Measure) -> Measure:
     """Measure a number in another unit."""
-    return lambda results: factor * measure(results)
+    return lambda results: factor * number(results)
 
 
 def ratio(above: Measure, below: Measure) -> Measure:
     """Measure how many times one number is the other."""
 
-    def of(results: StepResults) -> float:
+    def measure(results: StepResults) -> float:
         numerator, denominator = above(results), below(results)
         if denominator == 0.0:
             return float("inf") if numerator > 0.0 else float("nan")
         return numerator / denominator
 
-    return of
+    return measure
 
 
 def lost(case: Measure, reference: Measure) -> Measure:
@@ -108,24 +108,24 @@ def lost(case: Measure, reference: Measure) -> Measure:
 def paths_apart_m(step: str, one: str, other: str) -> Measure:
     """Measure the largest distance between two simulated paths at the same time, in m."""
 
-    def of(results: StepResults) -> float:
+    def measure(results: StepResults) -> float:
         paths = [
             np.column_stack([results.column(step, f"{name}.csv", x) for x in ("x1_m", "x2_m")])
             for name in (one, other)
         ]
         return float(np.linalg.norm(paths[0] - paths[1], axis=1).max())
 
-    return of
+    return measure
 
 
 def value_falls(step: str, controller: str) -> Measure:
     """Measure how many times smaller the value function is at the end of a simulation."""
 
-    def of(results: StepResults) -> float:
+    def measure(results: StepResults) -> float:
         values = results.column(step, f"{controller}.csv", "value")
         return float(values[0] / max(values[-1], np.finfo(float).tiny))
 
-    return of
+    return measure
 
 
 def predicted(
@@ -134,44 +134,44 @@ def predicted(
     """Measure an error in the table of `klab validate`; the nominal equations are a model too."""
     how = {} if model == "nominal" else {"reprojection": str(reproject)}
 
-    def of(results: StepResults) -> float:
+    def measure(results: StepResults) -> float:
         where = {"shape": shape, "model": model, "steps": str(steps)} | how
         return float(results.column(step, "validation.csv", name, **where)[0])
 
-    return of
+    return measure
 
 
 def largest_ahead(step: str, name: str, model: str, steps: int) -> Measure:
     """Measure the largest error of all starts and runs in the table of `klab figure multistep`."""
 
-    def of(results: StepResults) -> float:
+    def measure(results: StepResults) -> float:
         where = {"predictor": model, "steps": str(steps)}
         return float(results.column(step, f"{step}.csv", f"largest_{name}", **where).max())
 
-    return of
+    return measure
 
 
 def share_better(step: str, name: str, model: str) -> Measure:
     """Measure at which share of starts and steps a model's mean error is below the nominal one."""
 
-    def of(results: StepResults) -> float:
+    def measure(results: StepResults) -> float:
         ours, theirs = (
             results.column(step, f"{step}.csv", f"mean_{name}", predictor=predictor)
             for predictor in (model, "nominal")
         )
         return float(np.mean(ours < theirs))
 
-    return of
+    return measure
 
 
 def mean_ahead(step: str, name: str, model: str, steps: int) -> Measure:
     """Measure the error averaged over runs and starts in the table of `klab figure multistep`."""
 
-    def of(results: StepResults) -> float:
+    def measure(results: StepResults) -> float:
         where = {"predictor": model, "steps": str(steps)}
         return float(results.column(step, f"{step}.csv", f"mean_{name}", **where).mean())
 
-    return of
+    return measure
 
 
 def most_steps(step: str) -> Measure:
@@ -185,25 +185,27 @@ def off_path_m(step: str, shape: str, model: str, *, until: float = 1.0) -> Meas
     Up to a share ``until`` of the run's time.
     """
 
-    def of(results: StepResults) -> float:
-        predicted_path, driven = (_path(results, step, shape, who) for who in (model, "driven"))
+    def measure(results: StepResults) -> float:
+        predicted_path, driven = (
+            _path_of(results, step, shape, source) for source in (model, "driven")
+        )
         apart = np.linalg.norm(predicted_path - driven, axis=1)
         return float(apart[: max(1, round(until * len(apart)))].max())
 
-    return of
+    return measure
 
 
 def turned_too_far_rad(step: str, shape: str, model: str) -> Measure:
     """Measure by how much the predicted heading is ahead of the driven one at the end, in rad."""
 
-    def of(results: StepResults) -> float:
+    def measure(results: StepResults) -> float:
         headings = [
-            results.column(step, "dictionaries-paths.csv", "theta_rad", shape=shape, model=who)
-            for who in (model, "driven")
+            results.column(step, "dictionaries-paths.csv", "theta_rad", shape=shape, model=source)
+            for source in (model, "driven")
         ]
         return float(headings[0][-1] - headings[1][-1])
 
-    return of
+    return measure
 
 
 def jitter(step: str, axis: str, window: int) -> Measure:
@@ -212,7 +214,7 @@ def jitter(step: str, axis: str, window: int) -> Measure:
     The desired velocities are constant or linear, so what jumps about the mean slope is noise.
     """
 
-    def of(results: StepResults) -> float:
+    def measure(results: StepResults) -> float:
         jumps = []
         for index in ("0", "1", "2"):
             where = {"basis_index": index, "window": str(window)}
@@ -221,29 +223,29 @@ def jitter(step: str, axis: str, window: int) -> Measure:
             jumps.append(steps - steps.mean())
         return float(np.sqrt(np.mean(np.concatenate(jumps) ** 2)))
 
-    return of
+    return measure
 
 
 def share_cut_short(step: str, basis_index: int, longest: int) -> Measure:
     """Measure the share of runs that ended before their time, in sampling times, was over."""
 
-    def of(results: StepResults) -> float:
+    def measure(results: StepResults) -> float:
         file = "samples-positions.csv"
         numbers = results.column(step, file, "run", basis_index=str(basis_index))
         lengths = np.unique(numbers, return_counts=True)[1]
         return float(np.mean(lengths < longest))
 
-    return of
+    return measure
 
 
 def largest_over_smallest(step: str, name: str, windows: tuple[int, ...]) -> Measure:
     """Measure how far a column of `klab dataset sweep` varies with the window, as a factor."""
 
-    def of(results: StepResults) -> float:
+    def measure(results: StepResults) -> float:
         values = [results.column(step, f"{step}.csv", name, window=str(w))[0] for w in windows]
         return float(max(values) / min(values))
 
-    return of
+    return measure
 
 
 def _final(results: StepResults, step: str, controller: str) -> Array:
@@ -251,8 +253,8 @@ def _final(results: StepResults, step: str, controller: str) -> Array:
     return np.array(pose if pose is not None else [np.nan] * 3, float)
 
 
-def _path(results: StepResults, step: str, shape: str, who: str) -> Array:
+def _path_of(results: StepResults, step: str, shape: str, source: str) -> Array:
     file = "dictionaries-paths.csv"
     return np.column_stack(
-        [results.column(step, file, x, shape=shape, model=who) for x in ("x1_m", "x2_m")]
+        [results.column(step, file, x, shape=shape, model=source) for x in ("x1_m", "x2_m")]
     )

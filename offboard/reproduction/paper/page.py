@@ -79,21 +79,21 @@ def as_html(page: Sequence[Block], folder: Path) -> str:
 
 def _markdown(block: Block) -> str:
     if isinstance(block, Heading):
-        return f"{'#' * block.level} {_plain(block.text)}"
+        return f"{'#' * block.level} {_escaped(block.text)}"
     if isinstance(block, Table):
         lines = [block.columns, ["---"] * len(block.columns), *block.rows]
         return "\n".join(
-            "| " + " | ".join(_plain(cell).replace("\n", "<br>") for cell in line) + " |"
+            "| " + " | ".join(_escaped(cell).replace("\n", "<br>") for cell in line) + " |"
             for line in lines
         )
     if isinstance(block, Image):
-        return f"![{_plain(block.caption)}]({block.path})\n\n*{_plain(block.caption)}*"
+        return f"![{_escaped(block.caption)}]({block.path})\n\n*{_escaped(block.caption)}*"
     if isinstance(block, Code):
         return "\n".join(["```bash", *block.lines, "```"])
-    return _plain(block.text)
+    return _escaped(block.text)
 
 
-def _plain(text: str) -> str:
+def _escaped(text: str) -> str:
     """Return text in which Markdown sees no table, tag or emphasis."""
     for special in ("|", "*", "_"):
         text = text.replace(special, f"\\{special}")
@@ -116,7 +116,7 @@ def _html(block: Block, folder: Path) -> str:
     if isinstance(block, Image):
         caption = escape(block.caption)
         return (
-            f'<figure><img src="data:image/png;base64,{_inlined(folder / block.path)}" '
+            f'<figure><img src="data:image/png;base64,{_in_base64(folder / block.path)}" '
             f'alt="{caption}"><figcaption>{caption}</figcaption></figure>'
         )
     if isinstance(block, Code):
@@ -124,7 +124,7 @@ def _html(block: Block, folder: Path) -> str:
     return f"<p>{escape(block.text)}</p>"
 
 
-def _inlined(file: Path) -> str:
+def _in_base64(file: Path) -> str:
     try:
         return base64.b64encode(file.read_bytes()).decode()
     except OSError as error:

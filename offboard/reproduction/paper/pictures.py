@@ -1,4 +1,4 @@
-"""Which figure here answers which one of the paper."""
+"""The table of figures: which one here corresponds to which one of the paper."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from matplotlib.image import imread, imsave
 
 from koopman_lab.errors import DataError
 from koopman_lab.files import replacing, write_text
-from offboard.reproduction.paper.claim import Judged
+from offboard.reproduction.paper.claim import JudgedClaim
 from offboard.reproduction.paper.page import (
     Block,
     Code,
@@ -66,7 +66,7 @@ class Facts(NamedTuple):
 
 
 def write_report(
-    folder: Path, facts: Facts, claims: Sequence[Judged], settings: Sequence[Judged]
+    folder: Path, facts: Facts, claims: Sequence[JudgedClaim], settings: Sequence[JudgedClaim]
 ) -> None:
     """Write ``report.md``, ``report.html``, and what the README shows into ``readme/``.
 
@@ -90,14 +90,14 @@ def write_report(
     _write_readme(folder, facts, claims)
 
 
-def tally(judged: Sequence[Judged]) -> str:
+def tally(judged: Sequence[JudgedClaim]) -> str:
     """Return how many claims got which verdict."""
     counted = {verdict: sum(j.verdict is verdict for j in judged) for verdict in Verdict}
     return ", ".join(f"{count} {verdict.value}" for verdict, count in counted.items() if count)
 
 
 def _page(
-    folder: Path, facts: Facts, claims: Sequence[Judged], settings: Sequence[Judged]
+    folder: Path, facts: Facts, claims: Sequence[JudgedClaim], settings: Sequence[JudgedClaim]
 ) -> Iterator[Block]:
     yield Heading(1, TITLE)
     yield Text(
@@ -123,7 +123,7 @@ def _page(
             ("claim", "paper", "here", "holds if", "verdict", "from"),
             [
                 (
-                    f"{j.claim.name}: {j.claim.says}\n{j.claim.remark}".strip(),
+                    f"{j.claim.name}: {j.claim.sentence}\n{j.claim.remark}".strip(),
                     j.claim.paper,
                     "\n".join(j.numbers),
                     "\n".join(j.rules),
@@ -141,7 +141,7 @@ def _page(
         [
             (
                 j.claim.section,
-                j.claim.says,
+                j.claim.sentence,
                 j.claim.paper,
                 "\n".join(j.numbers),
                 {Verdict.HOLDS: "yes", Verdict.UNKNOWN: "not measured"}.get(j.verdict, "no"),
@@ -161,12 +161,12 @@ def _page(
         if study in facts.steps:
             yield Heading(3, study)
             yield Code([facts.steps[study].command])
-            yield _table_of(folder / study / "table.csv")
+            yield _study_table(folder / study / "table.csv")
     for grid in GRIDS:
         if grid in facts.steps:
             yield Heading(3, grid)
             yield Code([facts.steps[grid].command])
-            yield _summed_up(folder, grid)
+            yield _grid_table(folder, grid)
     yield Heading(2, "Steps")
     yield Text("In the folder of this report, in this order.")
     yield Table(
@@ -178,11 +178,11 @@ def _page(
     )
 
 
-def _verdict(judged: Judged, facts: Facts) -> str:
+def _verdict(judged: JudgedClaim, facts: Facts) -> str:
     return f"{judged.verdict.value}{' (quick run)' if facts.quick else ''}"
 
 
-def _briefly(judged: Judged) -> str:
+def _numbers_in_brief(judged: JudgedClaim) -> str:
     """Return all numbers where they are few, else the one that decided."""
     if len(judged.numbers) <= FEW:
         return "\n".join(judged.numbers)
@@ -194,35 +194,35 @@ def _caption(picture: Picture) -> str:
     return f"{which}. {picture.caption}"
 
 
-def _table_of(file: Path) -> Table:
+def _study_table(file: Path) -> Table:
     try:
         columns, *rows = csv.reader(file.read_text().splitlines())
     except (OSError, ValueError):
         raise DataError(f"{file}: no table can be read; run its step again") from None
-    return Table(columns, [[_short(cell) for cell in row] for row in rows])
+    return Table(columns, [[_short_number(cell) for cell in row] for row in rows])
 
 
-def _summed_up(folder: Path, grid: str) -> Table:
+def _grid_table(folder: Path, grid: str) -> Table:
     """Return by cost what the largest |x2| of the last second is over the settings."""
     results, file, name = StepResults(folder), f"{grid}.csv", "x2_last_mm"
     rows = []
     for cost in dict.fromkeys(row["cost"] for row in results.rows(grid, file)):
         ends = results.column(grid, file, name, cost=cost)
         shares = [f"{100 * np.mean(ends < limit):.0f} %" for limit in GRID_LIMITS_MM]
-        spread = [_short(str(value)) for value in np.quantile(ends, (0.0, 0.5, 1.0))]
+        spread = [_short_number(str(value)) for value in np.quantile(ends, (0.0, 0.5, 1.0))]
         rows.append([cost, str(len(ends)), *spread, *shares])
     limits = (f"below {limit:g} mm" for limit in GRID_LIMITS_MM)
     return Table(("cost", "settings", "best mm", "median mm", "worst mm", *limits), rows)
 
 
-def _short(cell: str) -> str:
+def _short_number(cell: str) -> str:
     try:
         return f"{float(cell):.4g}"
     except ValueError:
         return cell
 
 
-def _write_readme(folder: Path, facts: Facts, claims: Sequence[Judged]) -> None:
+def _write_readme(folder: Path, facts: Facts, claims: Sequence[JudgedClaim]) -> None:
     page: list[Block] = [
         Text(
             f"{'A quick run. ' if facts.quick else ''}{facts.in_words} {len(claims)} claims: "
@@ -233,9 +233,9 @@ def _write_readme(folder: Path, facts: Facts, claims: Sequence[Judged]) -> None:
             [
                 (
                     j.claim.section,
-                    j.claim.says,
+                    j.claim.sentence,
                     j.claim.paper,
-                    _briefly(j),
+                    _numbers_in_brief(j),
                     _verdict(j, facts),
                 )
                 for j in claims

@@ -1,4 +1,4 @@
-"""How a step of a reproduction was made."""
+"""The record of a finished step: its command, duration and version."""
 
 from __future__ import annotations
 

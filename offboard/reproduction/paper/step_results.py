@@ -1,4 +1,4 @@
-"""Numbers as the steps of a reproduction left them, a folder each."""
+"""Reads the files that the steps of a reproduction left, a folder each."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 class StepResults:
-    """Reads what steps found, each file once.
+    """Reads the files of the steps, each once.
 
     Parameters
     ----------
@@ -27,13 +27,13 @@ class StepResults:
 
     Attributes
     ----------
-    asked
+    steps_read
         Names of the steps read since it was last emptied, in order.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.asked: list[str] = []
+        self.steps_read: list[str] = []
         self._texts: dict[Path, Any] = {}
 
     def summary(self, step: str, *keys: str) -> Any:
@@ -44,7 +44,7 @@ class StepResults:
         DataError
             If the file cannot be read, or has no such key.
         """
-        return _under(self._read(step, "summary.json"), f"{step}/summary.json", keys)
+        return _value_at(self._read(step, "summary.json"), f"{step}/summary.json", keys)
 
     def config(self, step: str, *keys: str) -> Any:
         """Return what stands under these keys of the step's configuration.
@@ -54,7 +54,7 @@ class StepResults:
         DataError
             If the file cannot be read, or has no such key.
         """
-        return _under(translate(self._read(step, "config.yaml")), f"{step}/config.yaml", keys)
+        return _value_at(translate(self._read(step, "config.yaml")), f"{step}/config.yaml", keys)
 
     def rows(self, step: str, file: str, **where: str) -> list[dict[str, str]]:
         """Return the rows of a table whose columns have these values.
@@ -101,8 +101,8 @@ class StepResults:
         )
 
     def _read(self, step: str, file: str) -> Any:
-        if step not in self.asked:
-            self.asked.append(step)
+        if step not in self.steps_read:
+            self.steps_read.append(step)
         path = self.path / step / file
         if path not in self._texts:
             try:
@@ -111,11 +111,11 @@ class StepResults:
                 missing = not path.parent.exists()
                 why = "its step was not run" if missing else f"cannot be read ({error.strerror})"
                 raise DataError(f"{step}/{file}: {why}") from None
-            self._texts[path] = _parsed(path, text)
+            self._texts[path] = _parse_file(path, text)
         return self._texts[path]
 
 
-def _parsed(path: Path, text: str) -> Any:
+def _parse_file(path: Path, text: str) -> Any:
     if path.suffix == ".json":
         return json.loads(text)
     if path.suffix == ".yaml":
@@ -123,7 +123,7 @@ def _parsed(path: Path, text: str) -> Any:
     return list(csv.DictReader(text.splitlines()))
 
 
-def _under(value: Any, where: str, keys: tuple[str, ...]) -> Any:
+def _value_at(value: Any, where: str, keys: tuple[str, ...]) -> Any:
     for key in keys:
         if not isinstance(value, dict) or key not in value:
             raise DataError(f"{where}: no {'.'.join(keys)}")

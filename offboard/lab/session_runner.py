@@ -27,10 +27,11 @@ from offboard.desk.placing import reset_message
 from offboard.lab.lab_lock import lab_lock
 from offboard.lab.nodes import lockstep_lab
 from offboard.lab.place_robot import place
+from offboard.lab.present_nodes import present_nodes
 from offboard.lab.run_folder import RunFolder
 from offboard.lab.session_kind import N, Outcome, SessionKind
 from offboard.lab.session_watch import RobotWatch, StartWatch
-from offboard.lab.supervisor import Supervisor, present, start_missing, supervised
+from offboard.lab.supervisor import Supervisor, start_missing, supervised
 from offboard.terminal.output import Report, err, progress
 
 INTERRUPTED = 130
@@ -47,21 +48,21 @@ class Run(Generic[Outcome]):
 
 
 @contextlib.contextmanager
-def keeping_the_log(folder: RunFolder, then: str = "") -> Iterator[None]:
+def keeping_the_log(folder: RunFolder, next_step: str = "") -> Iterator[None]:
     """End the command after Ctrl-C inside the block; what was recorded stays, and is named.
 
-    ``then`` is what a person can do next, after that and after an expected mistake.
+    ``next_step`` is what a person can do next, after that and after an expected mistake.
     """
     try:
         yield
     except KeyboardInterrupt:
         if folder.log.exists():
             err.print(f"interrupted; what was recorded is in {folder.log}")
-            err.print(then, end="\n" if then else "")
+            err.print(next_step, end="\n" if next_step else "")
         raise typer.Exit(INTERRUPTED) from None
     except LabError as error:
-        if then and folder.log.exists():
-            raise type(error)(f"{error}\n{then}") from None
+        if next_step and folder.log.exists():
+            raise type(error)(f"{error}\n{next_step}") from None
         raise
 
 
@@ -79,7 +80,7 @@ def run_session(
     folder
         Takes the files.
     listener
-        This process's ear on the bus; None for lockstep.
+        Of this process; None for lockstep.
 
     Raises
     ------
@@ -170,26 +171,26 @@ def _in_real_time(
     report: Report,
 ) -> Outcome:
     result = folder.path / "processes" / f"{kind.node_name}.json"
-    there = present(listener)
+    present = present_nodes(listener)
     robot = RobotWatch(config)
     listener.subscribe(ONBOARD_STATUS, lambda status: robot.see(status, listener.now_us()))
     with contextlib.ExitStack() as stack:
-        if "onboard" not in there:
+        if "onboard" not in present:
             stack.enter_context(lab_lock(config))
         lab = stack.enter_context(supervised(config, folder, listener))
-        start_missing(lab, there, folder, resume=kind.resume_us is not None)
+        start_missing(lab, present, folder, resume=kind.resume_us is not None)
         if kind.start is not None:
-            by_hand = "onboard" in there and "plant" not in there
+            by_hand = "onboard" in present and "plant" not in present
             place(listener, config, kind.start, by_hand=by_hand)
         lab.start(kind.node_name, *kind.arguments(), "--result", result)
         robot.commander = commander_number(kind.node_name, lab.process(kind.node_name))
-        _follow(kind, config, listener, lab, robot, report)
+        _show_progress(kind, config, listener, lab, robot, report)
     outcome = read_outcome(result, kind.outcome_type)
     result.unlink()
     return outcome
 
 
-def _follow(
+def _show_progress(
     kind: SessionKind[N, Outcome],
     config: LabConfig,
     listener: Listener,
@@ -206,7 +207,7 @@ def _follow(
         start.begun = start.begun or kind.has_begun(state)
         now_us = listener.now_us()
         first_us = now_us if first_us is None else first_us
-        report(*kind.progress_told(state, (now_us - first_us) / US_PER_S, config))
+        report(*kind.progress_reported(state, (now_us - first_us) / US_PER_S, config))
 
     listener.subscribe(kind.state_channel, show)
     while not lab.ended(kind.node_name):

@@ -1,4 +1,4 @@
-"""Our solver beside what a Python user has: CasADi with IPOPT, and do-mpc.
+"""`klab bench ocp`: our solver beside CasADi with IPOPT and do-mpc.
 
 All solve the same problems, recorded in a closed loop, from the same initial guesses, and all plans
 are valued by the same simulation.
@@ -28,7 +28,7 @@ from koopman_lab.predictors.edmd import KoopmanPrediction
 from koopman_lab.predictors.lifted import LiftedPrediction
 from koopman_lab.predictors.predictor import PredictionModel
 from koopman_lab.robots.table import ROBOTS, robot_type
-from offboard.bench.ocp_solvers import Candidate, Task, makers, own_solver
+from offboard.bench.ocp_solvers import Candidate, Task, lab_solver, makers
 from offboard.terminal import options
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ class Row:
     Attributes
     ----------
     problem, model, solver
-        kind of robot; reprojected or lifted; ours, ipopt or do-mpc.
+        Name of the robot's type; reprojected or lifted; ours, ipopt or do-mpc.
     states
         Number of problems in the sequence.
     build_s
@@ -206,16 +206,16 @@ def _time(
             candidate.prepare(task)
             candidate.run()
     for task in tasks:
-        for found in timed.values():
-            found.candidate.prepare(task)
+        for entry in timed.values():
+            entry.candidate.prepare(task)
             began, cpu_began = time.perf_counter(), time.process_time()
-            found.candidate.run()
-            found.wall_ms.append(1e3 * (time.perf_counter() - began))
-            found.cpu_ms.append(1e3 * (time.process_time() - cpu_began))
-            inputs, count = found.candidate.answer()
-            found.iterations.append(count)
-            found.plans.append(np.clip(inputs, -bound, bound))
-            found.values.append(rollout(task.x0, found.plans[-1])[1])
+            entry.candidate.run()
+            entry.wall_ms.append(1e3 * (time.perf_counter() - began))
+            entry.cpu_ms.append(1e3 * (time.process_time() - cpu_began))
+            inputs, count = entry.candidate.answer()
+            entry.iterations.append(count)
+            entry.plans.append(np.clip(inputs, -bound, bound))
+            entry.values.append(rollout(task.x0, entry.plans[-1])[1])
     return timed
 
 
@@ -228,39 +228,39 @@ def _rows(
     timed: dict[str, _Timed],
 ) -> list[Row]:
     rows = []
-    polish = own_solver(lab, prediction, cost, most_iterations=POLISHING)
-    for solver, found in timed.items():
+    polish = lab_solver(lab, prediction, cost, most_iterations=POLISHING)
+    for solver, entry in timed.items():
         others = [other for key, other in timed.items() if key != solver]
         best = np.min([other.values for other in others], axis=0)
-        excess = np.array(found.values) / best - 1.0
+        excess = np.array(entry.values) / best - 1.0
         exceptions = []
         for index in np.flatnonzero(excess > NOTICEABLE).tolist():
             x0, winner = tasks[index].x0, min(others, key=lambda other: other.values[index])
-            polished = polish.solve(x0, found.plans[index]).value
+            polished = polish.solve(x0, entry.plans[index]).value
             exceptions.append(
                 {
                     "state": index,
-                    "value": float(found.values[index]),
+                    "value": float(entry.values[index]),
                     "best": float(best[index]),
-                    "stopped_early": bool(polished < found.values[index] * (1.0 - NOTICEABLE)),
+                    "stopped_early": bool(polished < entry.values[index] * (1.0 - NOTICEABLE)),
                     "ours_from_best": polish.solve(x0, winner.plans[index]).value,
                 }
             )
-        median, p99, largest = np.percentile(found.wall_ms, [50.0, 99.0, 100.0]).tolist()
+        median, p99, largest = np.percentile(entry.wall_ms, [50.0, 99.0, 100.0]).tolist()
         rows.append(
             Row(
                 lab.robot.kind,
                 name,
                 solver,
                 len(tasks),
-                found.build_s,
+                entry.build_s,
                 median,
                 p99,
                 largest,
-                float(np.median(found.cpu_ms)),
-                float(np.percentile(found.cpu_ms, 99.0)),
-                float(np.median(found.iterations)),
-                max(found.iterations),
+                float(np.median(entry.cpu_ms)),
+                float(np.percentile(entry.cpu_ms, 99.0)),
+                float(np.median(entry.iterations)),
+                max(entry.iterations),
                 len(exceptions) / len(tasks),
                 float(excess.max()),
                 exceptions,

@@ -85,18 +85,18 @@ def rerun(
         )
     events = read_rotated_log(session.path, salvage=salvage)
     process = recorded_process(node, lab, events)
-    lasts_s = round(session.duration_s)
-    built = PROCESSES.load(node, PROCESSES.get(node).rebuild)(lab, session, model)
+    duration_s = round(session.duration_s)
+    rebuilt = PROCESSES.load(node, PROCESSES.get(node).rebuild)(lab, session, model)
     with progress("running again", "s") as report:
-        done = run_again(
-            built, lab, events, process, lambda s: report(s - process.start_us * 1e-6, lasts_s)
+        outputs = run_again(
+            rebuilt, lab, events, process, lambda s: report(s - process.start_us * 1e-6, duration_s)
         )
     if tolerance is None:
         tolerance = 0.0 if process.virtual else REAL_TIME_TOLERANCE
     agreements = compare(
-        done.recorded,
-        done.again,
-        done.end_us,
+        outputs.recorded,
+        outputs.again,
+        outputs.end_us,
         tolerance=tolerance,
         in_real_time=not process.virtual,
     )
@@ -111,7 +111,7 @@ def rerun(
         out.print_json(json.dumps(facts | _as_json(agreements)))
     else:
         _show(facts, agreements)
-    show_unreadable(session.path, done.passed_over)
+    show_unreadable(session.path, outputs.passed_over)
     least = 1.0 if process.virtual else REAL_TIME_SHARE
     if _share(agreements) < least:
         raise typer.Exit(1)
@@ -133,7 +133,7 @@ def _as_json(agreements: dict[str, Agreement]) -> dict[str, Any]:
                 "at_us": d.at_us,
                 "fields": {f.name: [_plain(f.recorded), _plain(f.again)] for f in d.fields},
             }
-            for d in _first(agreements)
+            for d in _first_differences(agreements)
         ],
     }
 
@@ -153,7 +153,7 @@ def _show(facts: dict[str, Any], agreements: dict[str, Agreement]) -> None:
         table.add_row(name, *map(str, (a.equal, a.different, a.missing, a.extra)), largest)
     out.print(table)
     out.print(f"{_share(agreements):.1%} of the messages agree")
-    differences = _first(agreements)
+    differences = _first_differences(agreements)
     for d in differences:
         fields = "; ".join(f"{f.name} {_plain(f.recorded)} -> {_plain(f.again)}" for f in d.fields)
         out.print(f"{d.channel} number {d.number} at {d.at_us * 1e-6:.6f} s: {fields}")
@@ -172,9 +172,9 @@ def _share(agreements: dict[str, Agreement]) -> float:
     return equal / (equal + others) if equal + others else 1.0
 
 
-def _first(agreements: dict[str, Agreement]) -> list[Difference]:
-    found = [d for a in agreements.values() for d in a.differences]
-    return sorted(found, key=lambda d: d.at_us)[:SHOWN]
+def _first_differences(agreements: dict[str, Agreement]) -> list[Difference]:
+    differences = [d for a in agreements.values() for d in a.differences]
+    return sorted(differences, key=lambda d: d.at_us)[:SHOWN]
 
 
 def _plain(value: object) -> object:

@@ -119,9 +119,9 @@ def export(
     if layout is Format.npz:
         _save(_with_origin(opened), place)
     else:
-        with _writing(place):
+        with _explaining_write_errors(place):
             write_folder(opened.dataset, place)
-        _tell(opened.dataset, place)
+        _print_pairs(opened.dataset, place)
     show_passed_over(opened.passed_over)
 
 
@@ -177,17 +177,17 @@ def _save(dataset: DataSet, path: Path) -> None:
 
     if path.suffix != ENDING:
         raise DataError(f"{path}: data set files end in {ENDING}; say so with --out")
-    with _writing(path):
+    with _explaining_write_errors(path):
         dataset.save(path)
-    _tell(dataset, path)
+    _print_pairs(dataset, path)
 
 
-def _tell(dataset: DataSet, path: Path) -> None:
+def _print_pairs(dataset: DataSet, path: Path) -> None:
     err.print(f"{sum(map(len, dataset.X.values()))} pairs: {path}")
 
 
 @contextlib.contextmanager
-def _writing(path: Path) -> Iterator[None]:
+def _explaining_write_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
@@ -209,23 +209,23 @@ def _show(facts: dict[str, Any], marker: str | None) -> None:
     if marker:
         out.print(marker)
     bases = facts["basis_inputs"]
-    excited = Table(title=f"dictionary {facts['dictionary']}")
+    excitation_table = Table(title=f"dictionary {facts['dictionary']}")
     for column in ("basis input", "pairs", "segments", "rank", "smallest sv", "condition"):
-        excited.add_column(column, justify="right")
+        excitation_table.add_column(column, justify="right")
     ranges = Table("state", title="smallest and largest value")
     for index, basis in bases.items():
-        e = basis["excitation"]
-        excited.add_row(
+        excitation = basis["excitation"]
+        excitation_table.add_row(
             f"u_{index} = ({basis['input'][0]:g}, {basis['input'][1]:g})",
             str(basis["pairs"]),
             str(basis["segments"]),
-            f"{e['rank']} of {e['observables']}",
-            f"{e['smallest_singular_value']:.3g}",
-            "-" if e["condition"] is None else f"{e['condition']:.3g}",
+            f"{excitation['rank']} of {excitation['observables']}",
+            f"{excitation['smallest_singular_value']:.3g}",
+            "-" if excitation["condition"] is None else f"{excitation['condition']:.3g}",
         )
         ranges.add_column(f"u_{index}", justify="right")
     for name in next(iter(bases.values()))["ranges"]:
         spans = [basis["ranges"][name] for basis in bases.values()]
         cells = ["-" if span is None else f"{span[0]:.3f} to {span[1]:.3f}" for span in spans]
         ranges.add_row(f"{name} ({UNITS[name]})", *cells)
-    out.print(excited, ranges)
+    out.print(excitation_table, ranges)

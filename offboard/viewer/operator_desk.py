@@ -1,4 +1,4 @@
-"""The viewer's side of the bus: hears all robots, and speaks for the person at the page."""
+"""What the page's server does on the bus: it hears all robots, and sends what a person orders."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.units import US_PER_S
 from offboard.desk.orders import WAIT_S, Order, goal_order, stop_order
-from offboard.monitor.robot import RobotView
-from offboard.monitor.state import LabView
+from offboard.monitor.lab_view import LabView
+from offboard.monitor.robot_view import RobotView
 from offboard.viewer.request import ARM, GOAL, RELEASE, STOP, Request
 
 ARMED_S = 10.0
@@ -26,15 +26,15 @@ Reply = Callable[[bool, str], None]
 """Told whether an order was obeyed, and what to say of it."""
 
 
-class Desk:
+class OperatorDesk:
     """Keeps the state of the page and sends what a person orders.
 
     Parameters
     ----------
     config
         Of the lab: the bus, and what to assume of a robot that does not say its configuration.
-    own
-        Whether it is the very configuration of the robot that it names.
+    robot_known
+        Whether the configuration is that of the robot it names, and not an assumption.
 
     Raises
     ------
@@ -42,48 +42,50 @@ class Desk:
         If the bus cannot be opened.
     """
 
-    def __init__(self, config: LabConfig, *, own: bool = False) -> None:
-        self.view = LabView(config, config.robot.name if own else None)
+    def __init__(self, config: LabConfig, *, robot_known: bool = False) -> None:
+        self.view = LabView(config, config.robot.name if robot_known else None)
         self._config = config
-        self._ear = Listener(config)
-        self._ear.overhear(self.view.take)
-        self._mouths: dict[str, Listener] = {}
+        self._listener = Listener(config)
+        self._listener.overhear(self.view.take)
+        self._publishers: dict[str, Listener] = {}
         self._orders: dict[tuple[str, str], tuple[Order[Any], Reply, str]] = {}
         self._armed_us: dict[tuple[object, str], int] = {}
-        self._say_us = 0
+        self._resend_us = 0
 
     def now_us(self) -> int:
         """Return the present time (us)."""
-        return self._ear.now_us()
+        return self._listener.now_us()
 
     @property
     def ordering(self) -> bool:
         """Return whether something was ordered that is not obeyed yet."""
         return bool(self._orders)
 
-    def work(self) -> None:
+    def repeat_orders(self) -> None:
         """Take everything that has arrived, and say again what is not obeyed yet."""
-        self._ear.spin(0.0)
+        self._listener.spin(0.0)
         now_us = self.now_us()
-        if now_us < self._say_us:
+        if now_us < self._resend_us:
             return
-        self._say_us = now_us + round(WAIT_S * US_PER_S)
-        for key, (order, reply, what) in list(self._orders.items()):
-            obeyed = order.step(self._mouth(key[0]))
+        self._resend_us = now_us + round(WAIT_S * US_PER_S)
+        for key, (order, reply, order_text) in list(self._orders.items()):
+            obeyed = order.step(self._publisher(key[0]))
             if obeyed is not None:
                 del self._orders[key]
-                said = "confirmed" if obeyed else "not confirmed; cut the power if the robot moves"
-                reply(obeyed, f"{key[0]}: {what} {said}")
+                confirmation = (
+                    "confirmed" if obeyed else "not confirmed; cut the power if the robot moves"
+                )
+                reply(obeyed, f"{key[0]}: {order_text} {confirmation}")
 
-    def ask(self, request: Request, who: object, reply: Reply) -> None:
+    def handle(self, request: Request, page: object, reply: Reply) -> None:
         """Do what a page asks for; ``reply`` is called at most once, perhaps later.
 
         Parameters
         ----------
         request
             What is asked for.
-        who
-            The page: releasing takes two steps of the same one.
+        page
+            Who asks: releasing takes two steps of the same one.
         reply
             Told how it went.
 
@@ -93,7 +95,7 @@ class Desk:
             If it is refused.
         """
         robot = self._robot(request.robot, stopping=request.do == STOP)
-        now_us, armed = self.now_us(), (who, robot.name)
+        now_us, armed = self.now_us(), (page, robot.name)
         age_s = 0.0 if request.seen_us is None else (now_us - request.seen_us) / US_PER_S
         if request.do != STOP and age_s > OLDEST_PICTURE_S:
             raise LabStateError(
@@ -130,14 +132,16 @@ class Desk:
             x1, x2, _ = request.goal
             self._begin(robot.name, GOAL, move, reply, f"goal ({x1:.2f}, {x2:.2f}) m")
 
-    def forget(self, who: object) -> None:
+    def forget(self, page: object) -> None:
         """Forget a page that is gone."""
-        for key in [key for key in self._armed_us if key[0] is who]:
+        for key in [key for key in self._armed_us if key[0] is page]:
             del self._armed_us[key]
 
-    def _begin(self, name: str, what: str, order: Order[Any], reply: Reply, said: str) -> None:
-        order.step(self._mouth(name))
-        self._orders[name, what] = order, reply, said
+    def _begin(
+        self, name: str, action: str, order: Order[Any], reply: Reply, order_text: str
+    ) -> None:
+        order.step(self._publisher(name))
+        self._orders[name, action] = order, reply, order_text
 
     def _robot(self, name: str, *, stopping: bool) -> RobotView:
         robot, now_us = self.view.robots.get(name), self.now_us()
@@ -152,9 +156,9 @@ class Desk:
             raise LabStateError(f"{name}: nobody speaks for this robot")
         return robot
 
-    def _mouth(self, name: str) -> Listener:
-        mouth = self._mouths.get(name)
-        if mouth is None:
-            mouth = Listener(changed(self._config, "robot", name=name))
-            self._mouths[name] = mouth
-        return mouth
+    def _publisher(self, name: str) -> Listener:
+        publisher = self._publishers.get(name)
+        if publisher is None:
+            publisher = Listener(changed(self._config, "robot", name=name))
+            self._publishers[name] = publisher
+        return publisher

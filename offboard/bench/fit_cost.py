@@ -14,8 +14,8 @@ import typer
 
 from koopman_lab.errors import LabStateError
 from koopman_lab.robots.dynamic import DYNAMIC
-from offboard.bench.dataset import PAPER_PAIRS
-from offboard.lab.python_process import command
+from offboard.bench.dataset_time import PAPER_PAIRS
+from offboard.lab.python_process import module_command
 from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import out
@@ -54,32 +54,32 @@ def edmd(
     """
     facts: dict[str, Any] = {"dictionary": DICTIONARY, "pairs": pairs, "repetitions": repetitions}
     for way in WAYS:
-        facts[way] = _apart(way, pairs, repetitions)
+        facts[way] = _measure_apart(way, pairs, repetitions)
     for other in ("pykoop", "gram"):
         facts[f"fit_to_{other}"] = {
             "time": facts["fit"]["time_s"]["median"] / facts[other]["time_s"]["median"],
             "memory": facts["fit"]["peak_bytes"] / max(facts[other]["peak_bytes"], 1),
         }
     if streamed:
-        facts["streamed"] = _apart("stream", streamed, 1)
+        facts["streamed"] = _measure_apart("stream", streamed, 1)
     if as_json:
         out.print_json(json.dumps(facts))
         return
     _show(facts)
 
 
-def _apart(way: str, pairs: int, repetitions: int) -> dict[str, Any]:
+def _measure_apart(way: str, pairs: int, repetitions: int) -> dict[str, Any]:
     """Measure one way in a process of its own."""
-    alone = command(__name__, way, str(pairs), str(repetitions))
-    ended = subprocess.run(alone, capture_output=True, text=True, check=False)
-    if ended.returncode:
-        last = (ended.stderr.strip().splitlines() or ["no message"])[-1]
+    command_line = module_command(__name__, way, str(pairs), str(repetitions))
+    completed = subprocess.run(command_line, capture_output=True, text=True, check=False)
+    if completed.returncode:
+        last = (completed.stderr.strip().splitlines() or ["no message"])[-1]
         raise LabStateError(
             f"bench edmd: {way} failed ({last}); pykoop comes with the extra: "
             "pip install 'koopman-lab[test]'"
         )
-    found: dict[str, Any] = json.loads(ended.stdout)
-    return found
+    facts: dict[str, Any] = json.loads(completed.stdout)
+    return facts
 
 
 def measure(way: str, pairs: int, repetitions: int) -> dict[str, Any]:
@@ -91,13 +91,13 @@ def measure(way: str, pairs: int, repetitions: int) -> dict[str, Any]:
 
     if way == "stream":
         return _stream(pairs)
-    own = dictionary(DICTIONARY, DYNAMIC.name)
+    lifting = dictionary(DICTIONARY, DYNAMIC.name)
     X, Y = _pairs(pairs, 0)
-    psi_x, psi_y = own.lift(X), own.lift(Y)
+    psi_x, psi_y = lifting.lift(X), lifting.lift(Y)
     ways: dict[str, Callable[[], Any]] = {
         "fit": lambda: fit_matrix(psi_x, psi_y),
         "gram": lambda: psi_x.T @ psi_x,
-        "lift": lambda: (own.lift(X), own.lift(Y)),
+        "lift": lambda: (lifting.lift(X), lifting.lift(Y)),
     }
     if way == "pykoop":
         import pykoop
@@ -130,13 +130,13 @@ def _stream(pairs: int) -> dict[str, Any]:
     from koopman_lab.koopman.fit import fit_moments
     from koopman_lab.koopman.moments import Moments
 
-    own = dictionary(DICTIONARY, DYNAMIC.name)
-    moments = Moments(own.size)
+    lifting = dictionary(DICTIONARY, DYNAMIC.name)
+    moments = Moments(lifting.size)
     began, fitting, early = time.perf_counter(), 0.0, 0
     for number, start in enumerate(range(0, pairs, BATCH)):
         X, Y = _pairs(min(BATCH, pairs - start), number)
         started = time.perf_counter()
-        moments.add(own.lift(X), own.lift(Y), segments=1)
+        moments.add(lifting.lift(X), lifting.lift(Y), segments=1)
         fitting += time.perf_counter() - started
         if number == 3:
             early = _peak_rss()
@@ -173,9 +173,9 @@ def _show(facts: dict[str, Any]) -> None:
     for column in ("median ms", "p99 ms", "max ms", "peak MB"):
         table.add_column(column, justify="right")
     for way, name in WAYS.items():
-        of = facts[way]
-        times = (f"{1e3 * of['time_s'][c]:.1f}" for c in ("median", "p99", "max"))
-        table.add_row(name, *times, f"{of['peak_bytes'] / 1e6:.1f}")
+        measured = facts[way]
+        times = (f"{1e3 * measured['time_s'][c]:.1f}" for c in ("median", "p99", "max"))
+        table.add_row(name, *times, f"{measured['peak_bytes'] / 1e6:.1f}")
     out.print(table)
     for other in ("pykoop", "gram"):
         ratio = facts[f"fit_to_{other}"]
@@ -183,11 +183,11 @@ def _show(facts: dict[str, Any]) -> None:
             f"fit : {other} = {ratio['time']:.2f} in time, {ratio['memory']:.2g} in peak memory"
         )
     if "streamed" in facts:
-        of = facts["streamed"]
+        measured = facts["streamed"]
         out.print(
-            f"{of['pairs']} pairs in batches of {BATCH}: {of['fitting_s']:.1f} s lifting and "
-            f"fitting, peak RSS {of['peak_rss_bytes'] / 1e6:.0f} MB "
-            f"({of['peak_rss_after_four_batches_bytes'] / 1e6:.0f} MB after four batches)"
+            f"{measured['pairs']} pairs in batches of {BATCH}: {measured['fitting_s']:.1f} s "
+            f"lifting and fitting, peak RSS {measured['peak_rss_bytes'] / 1e6:.0f} MB "
+            f"({measured['peak_rss_after_four_batches_bytes'] / 1e6:.0f} MB after four batches)"
         )
 
 

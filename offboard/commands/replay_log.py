@@ -38,7 +38,7 @@ def replay(
     from koopman_lab.replay.replay import replay as send
     from koopman_lab.replay.replay import rhythm
     from koopman_lab.units import US_PER_S
-    from offboard.lab.session import INTERRUPTED
+    from offboard.lab.session_runner import INTERRUPTED
 
     if not 0.0 < speed < float("inf"):
         raise ConfigError(f"--speed {speed:g}: must be above 0, for example 4")
@@ -86,12 +86,12 @@ def _refuse_live(robots: list[str], url: str) -> None:
     The onboard loop takes no stale command, but motors take what is said on their wire.
     """
     from koopman_lab.bus.processes import Stop, stopping
-    from offboard.lab.supervisor import present
+    from offboard.lab.present_nodes import present_nodes
 
     acting = stopping(Stop.COMMANDER, Stop.BOARD, Stop.HARDWARE)
     for robot in robots:
         listener = options.listen(options.resolve(None, None, None, url=url, robot_name=robot))
-        alive = sorted(present(listener) & acting)
+        alive = sorted(present_nodes(listener) & acting)
         if alive:
             raise LabStateError(
                 f"{robot} is alive on {url} ({', '.join(alive)}): the log's motor commands, "

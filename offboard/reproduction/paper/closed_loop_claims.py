@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from koopman_lab.robots.dynamic import DYNAMIC
 from koopman_lab.robots.kinematic import KINEMATIC
-from offboard.reproduction.paper import measures as of
+from offboard.reproduction.paper import measures
 from offboard.reproduction.paper.claim import Claim, Part
-from offboard.reproduction.paper.kinematic import QUADRATIC, WEIGHTS, weights_claim
+from offboard.reproduction.paper.kinematic_claims import QUADRATIC, WEIGHTS, weights_claim
 from offboard.reproduction.paper.verdict import AtLeast, AtMost
 
 RELIABLE_MM = 2.0
@@ -28,7 +28,7 @@ CLOSED_LOOP = (
                 "|x2| of me",
                 "mm",
                 AtMost(RELIABLE_MM, 2.0 * RELIABLE_MM),
-                of.simulated_x2_mm("simulation-dynamic", "me-reprojected"),
+                measures.simulated_x2_mm("simulation-dynamic", "me-reprojected"),
             )
         ],
     ),
@@ -43,7 +43,7 @@ CLOSED_LOOP = (
                 f"|x2| of {cost}",
                 "mm",
                 AtLeast(RELIABLE_MM, 0.5 * RELIABLE_MM),
-                of.simulated_x2_mm("simulation-dynamic", f"{cost}-reprojected"),
+                measures.simulated_x2_mm("simulation-dynamic", f"{cost}-reprojected"),
             )
             for cost in COSTS
         ],
@@ -60,9 +60,9 @@ CLOSED_LOOP = (
                 f"|x2| of {cost}, second-order over kinematic",
                 "times",
                 AtLeast(2.0, 1.0),
-                of.ratio(
-                    of.simulated_x2_mm("simulation-dynamic", f"{cost}-reprojected"),
-                    of.simulated_x2_mm("simulation-parallel", f"{cost}-reprojected"),
+                measures.ratio(
+                    measures.simulated_x2_mm("simulation-dynamic", f"{cost}-reprojected"),
+                    measures.simulated_x2_mm("simulation-parallel", f"{cost}-reprojected"),
                 ),
             )
             for cost in COSTS
@@ -79,7 +79,7 @@ CLOSED_LOOP = (
                 f"|x2| of {cost}-{way}, horizon 100",
                 "mm",
                 AtLeast(RELIABLE_MM, 0.5 * RELIABLE_MM),
-                of.simulated_x2_mm("simulation-dynamic-long", f"{cost}-{way}"),
+                measures.simulated_x2_mm("simulation-dynamic-long", f"{cost}-{way}"),
             )
             for cost in COSTS
             for way in ("nominal", "reprojected")
@@ -104,7 +104,7 @@ CLOSED_LOOP = (
                 "me-reprojected, 75th percentile of |x2|",
                 "mm",
                 AtMost(RELIABLE_MM, 2.0 * RELIABLE_MM),
-                of.quantile_mm("dynamic-parking", "me-reprojected", SHARE),
+                measures.quantile_mm("dynamic-parking", "me-reprojected", SHARE),
             )
         ],
     ),
@@ -119,7 +119,7 @@ CLOSED_LOOP = (
                 f"{name}, runs above {RELIABLE_MM:g} mm",
                 "share",
                 AtLeast(0.5, 0.25),
-                of.share_above("dynamic-parking", name, RELIABLE_MM),
+                measures.share_above("dynamic-parking", name, RELIABLE_MM),
             )
             for name in QUADRATIC
         ],
@@ -136,9 +136,9 @@ CLOSED_LOOP = (
                 f"median |x2| of {name}, second-order over kinematic",
                 "times",
                 AtLeast(2.0, 1.0),
-                of.ratio(
-                    of.quantile_mm("dynamic-parking", name, 0.5),
-                    of.quantile_mm("kinematic-parking", name, 0.5),
+                measures.ratio(
+                    measures.quantile_mm("dynamic-parking", name, 0.5),
+                    measures.quantile_mm("kinematic-parking", name, 0.5),
                 ),
             )
             for name in QUADRATIC
@@ -155,13 +155,13 @@ CLOSED_LOOP = (
                 f"second-order me-lifted, runs below {RELIABLE_MM:g} mm",
                 "share",
                 AtMost(0.5, SHARE),
-                of.share_below("dynamic-parking", "me-lifted", RELIABLE_MM),
+                measures.share_below("dynamic-parking", "me-lifted", RELIABLE_MM),
             ),
             Part(
                 f"kinematic me-lifted, runs below {RELIABLE_MM:g} mm",
                 "share",
                 AtLeast(0.9, SHARE),
-                of.share_below("kinematic-parking", "me-lifted", RELIABLE_MM),
+                measures.share_below("kinematic-parking", "me-lifted", RELIABLE_MM),
             ),
         ],
     ),
@@ -172,7 +172,12 @@ CLOSED_LOOP = (
         "-42.68 deg), with the model and with the nominal equations.",
         "no number (a figure)",
         [
-            Part(f"{name} parked (1: yes)", "", AtLeast(1.0, 1.0), of.parked("dynamic-lab", name))
+            Part(
+                f"{name} parked (1: yes)",
+                "",
+                AtLeast(1.0, 1.0),
+                measures.parked("dynamic-lab", name),
+            )
             for name in ("me", "nominal")
         ],
     ),
@@ -186,7 +191,7 @@ CLOSED_LOOP = (
                 f"{cost}, distance to the goal at the end",
                 "mm",
                 AtLeast(50.0, 20.0),
-                of.distance_mm("dynamic-lab", cost),
+                measures.distance_mm("dynamic-lab", cost),
             )
             for cost in COSTS
         ],
@@ -202,8 +207,9 @@ CLOSED_LOOP = (
                 f"|x2| of {cost}, second-order over kinematic",
                 "times",
                 AtLeast(2.0, 1.0),
-                of.ratio(
-                    of.parked_x2_mm("dynamic-lab", cost), of.parked_x2_mm("kinematic-lab", cost)
+                measures.ratio(
+                    measures.parked_x2_mm("dynamic-lab", cost),
+                    measures.parked_x2_mm("kinematic-lab", cost),
                 ),
             )
             for cost in COSTS
@@ -224,9 +230,11 @@ FEW_DATA = (
                     f"runs below {RELIABLE_MM:g} mm, fewer than with all samples by",
                     "share",
                     AtMost(0.05, 0.15),
-                    of.lost(
-                        of.share_below("data-efficiency", f"{robot.name}-d{count}", RELIABLE_MM),
-                        of.share_below("data-efficiency", f"{robot.name}-all", RELIABLE_MM),
+                    measures.lost(
+                        measures.share_below(
+                            "data-efficiency", f"{robot.name}-d{count}", RELIABLE_MM
+                        ),
+                        measures.share_below("data-efficiency", f"{robot.name}-all", RELIABLE_MM),
                     ),
                 )
             ],
@@ -243,7 +251,7 @@ FEW_DATA = (
                 f"{robot.name}, {count} samples, runs below {RELIABLE_MM:g} mm",
                 "share",
                 AtLeast(SHARE, 0.5),
-                of.share_below("data-efficiency", f"{robot.name}-d{count}", RELIABLE_MM),
+                measures.share_below("data-efficiency", f"{robot.name}-d{count}", RELIABLE_MM),
             )
             for robot, count in ENOUGH
         ],

@@ -1,4 +1,4 @@
-"""Step, ramp and disturbance responses of the motor loop on the plant."""
+"""`klab bench motor`: step, ramp and disturbance responses of the motor loop on the plant."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def respond(
     Parameters
     ----------
     config
-        The lab; its robot's kind decides what ``u`` is.
+        The lab; its robot's type decides what ``u`` is.
     u
         (m/s, rad/s) or (m/s^2, rad/s^2).
     seconds
@@ -68,19 +68,19 @@ def responses(kinematic: LabConfig, dynamic: LabConfig) -> dict[str, Response]:
     }
 
 
-def figures_of_merit(found: dict[str, Response]) -> dict[str, float]:
+def figures_of_merit(curves: dict[str, Response]) -> dict[str, float]:
     """Return settling time (s), overshoot, ramp error (m/s), dip and rest of the disturbance."""
-    time_s, _, v = found["step"].T
+    time_s, _, v = curves["step"].T
     final = float(v[len(v) // 2 :].mean())
     outside = np.flatnonzero(np.abs(v - final) > BAND * STEP_M_PER_S)
-    _, wanted, ramp = found["ramp"].T
-    t, _, disturbed = found["disturbance"].T
+    _, setpoint, ramp = curves["ramp"].T
+    t, _, disturbed = curves["disturbance"].T
     after, last = disturbed[t >= DISTURBANCE_S / 2.0], disturbed[t >= DISTURBANCE_S - 0.5]
     return {
         "step_final_m_per_s": final,
         "step_settled_s": float(time_s[outside[-1] + 1]) if len(outside) else 0.0,
         "step_overshoot": float(v.max() / final - 1.0),
-        "ramp_rms_m_per_s": float(np.sqrt(np.mean((ramp - wanted) ** 2))),
+        "ramp_rms_m_per_s": float(np.sqrt(np.mean((ramp - setpoint) ** 2))),
         "disturbance_dip_m_per_s": float(final - after.min()),
         "disturbance_left_m_per_s": float(abs(last.mean() - final)),
     }

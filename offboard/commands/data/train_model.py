@@ -88,7 +88,7 @@ def train(
     """
     from koopman_lab.koopman.train import Method
 
-    learn(
+    train_and_report(
         sources,
         model,
         dictionary,
@@ -102,7 +102,7 @@ def train(
     )
 
 
-def learn(
+def train_and_report(
     sources: Sequence[Path],
     model: Path | None = None,
     dictionary: str | None = None,
@@ -175,17 +175,17 @@ def _show(report: TrainingReport) -> None:
         table.add_column(column, justify="right")
     for basis in report.bases:
         name = f"u_{basis.basis_index} = ({basis.basis_input[0]:g}, {basis.basis_input[1]:g})"
-        e = basis.excitation
-        if e is None:
+        excitation = basis.excitation
+        if excitation is None:
             table.add_row(name, "driftless: M_0 = I", "", "", "", "")
         else:
             table.add_row(
                 name,
-                str(e.samples),
-                str(e.segments),
-                f"{e.rank} of {e.observables}",
-                f"{e.smallest_singular_value:.3g}",
-                f"{e.condition:.3g}",
+                str(excitation.samples),
+                str(excitation.segments),
+                f"{excitation.rank} of {excitation.observables}",
+                f"{excitation.smallest_singular_value:.3g}",
+                f"{excitation.condition:.3g}",
             )
     out.print(table)
     method = report.method
@@ -196,16 +196,16 @@ def _show(report: TrainingReport) -> None:
     weakest = [b.weakest_instrument for b in report.bases if b.weakest_instrument is not None]
     if weakest:
         out.print(f"weakest canonical correlation of instruments: {min(weakest):.3g}")
-    found = report.defects
-    if found is None:
+    defects = report.defects
+    if defects is None:
         return
     growth = ""
-    if found.growth_per_step is not None:
+    if defects.growth_per_step is not None:
         growth = (
-            f"; length of (cos, sin) changes {100 * found.growth_per_step:.3g} % per step without "
-            "reprojection"
+            f"; length of (cos, sin) changes {100 * defects.growth_per_step:.3g} % per step "
+            "without reprojection"
         )
     out.print(
-        f"turning on the spot: {1e3 * found.sideways_m_per_rad:.3g} mm sideways per step per "
+        f"turning on the spot: {1e3 * defects.sideways_m_per_rad:.3g} mm sideways per step per "
         f"rad/s{growth}"
     )

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose
 from koopman_lab.units import US_PER_S
-from offboard.desk.placing import stands
+from offboard.desk.placing import stands_at
 
 ASK_AGAIN_S = 1.0
 """Placing is asked for again after this time, should the message be lost."""
@@ -60,7 +60,7 @@ class Action(NamedTuple):
     place: bool = False
 
 
-class Driver:
+class ReferenceDriver:
     """Drives one sequence of inputs again and again (paper, section 5.3).
 
     Each run begins at rest, within placement accuracy of the same pose. A run that is cut off is
@@ -133,17 +133,17 @@ class Driver:
         return self._action(release=True)
 
     def _place(self, now_us: int) -> Action:
-        ask = self._asked_us is None or now_us - self._asked_us >= ASK_AGAIN_S * US_PER_S
-        if ask:
+        asks = self._asked_us is None or now_us - self._asked_us >= ASK_AGAIN_S * US_PER_S
+        if asks:
             self._asked_us = now_us
-        return self._action(release=True, place=ask)
+        return self._action(release=True, place=asks)
 
     def _is_placed(self, seen: Observation) -> bool:
         asked_us = self._asked_us
         return asked_us is not None and seen.pose_us > asked_us and self._stands(seen)
 
     def _stands(self, seen: Observation) -> bool:
-        return seen.pose is not None and stands(seen.pose, self.start, self._accuracy)
+        return seen.pose is not None and stands_at(seen.pose, self.start, self._accuracy)
 
     def _has_stopped(self, seen: Observation, now_us: int) -> bool:
         rested = now_us - self._since_us >= STANDING_S * US_PER_S

@@ -20,8 +20,8 @@ from koopman_lab.robots.robot_type import RobotType
 from koopman_lab.robots.table import robot_type
 from offboard.desk.results import ParkEnd, ParkOutcome, ParkSummary, Spread
 from offboard.lab.run_folder import RunFolder
-from offboard.lab.session import run_session
 from offboard.lab.session_kind import Progress, SessionKind
+from offboard.lab.session_runner import run_session
 from offboard.lab.session_watch import START_LIMIT_S
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ class Parking(SessionKind["ControllerNode", ParkOutcome]):
         from koopman_lab.mpc.receding_horizon import planning_problem
         from offboard.desk.goal_message import require_reachable
 
-        planning_problem(self._predicts(config), config)
+        planning_problem(self._prediction_model(config), config)
         require_reachable(self.goal, config.controller)
 
     def make_node(self, config: LabConfig) -> ControllerNode:
@@ -92,7 +92,9 @@ class Parking(SessionKind["ControllerNode", ParkOutcome]):
         LabError
             As :meth:`require_possible`, or if the model file is missing or damaged.
         """
-        node: ControllerNode = build(self.node_name, config, self._predicts(config), self.goal)
+        node: ControllerNode = build(
+            self.node_name, config, self._prediction_model(config), self.goal
+        )
         return node
 
     def outcome(self, node: ControllerNode, missed_deadlines: int) -> ParkOutcome:
@@ -114,7 +116,7 @@ class Parking(SessionKind["ControllerNode", ParkOutcome]):
         limit_s = config.controller.time_limit_s
         return Progress(min(elapsed_s, limit_s), limit_s)
 
-    def progress_told(
+    def progress_reported(
         self, state: lcmtypes.mpc_state_t, elapsed_s: float, config: LabConfig
     ) -> Progress:
         """Return how much of the controller's time limit has passed."""
@@ -135,7 +137,7 @@ class Parking(SessionKind["ControllerNode", ParkOutcome]):
         """Return the time (s) in which the controller must have begun; it may have to compile."""
         return self.limit_s(config) + START_LIMIT_S
 
-    def _predicts(self, config: LabConfig) -> PredictionModel:
+    def _prediction_model(self, config: LabConfig) -> PredictionModel:
         from koopman_lab.predictors.table import load_prediction
 
         if self._prediction is None:
@@ -155,7 +157,7 @@ def park(
     folder
         Takes the files.
     listener
-        This process's ear on the bus; None for lockstep.
+        Of this process; None for lockstep.
     session
         What is parked where, and with which model.
 

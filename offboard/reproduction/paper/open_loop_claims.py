@@ -1,128 +1,18 @@
-"""Claims of sections 5.1 to 5.3: data of the second-order robot, and its open loop."""
+"""Claims of section 5.3: what models of the second-order robot predict in open loop."""
 
 from __future__ import annotations
 
 import math
 
-from offboard.reproduction.paper import measures as of
+from offboard.reproduction.paper import measures
 from offboard.reproduction.paper.claim import Claim, Part
-from offboard.reproduction.paper.verdict import AtLeast, AtMost, Near
+from offboard.reproduction.paper.verdict import AtLeast, AtMost
 
 DEG = math.degrees(1.0)
-LONGEST_RUN = 95
-"""In sampling times: a little less than `sampler.largest_steps`, since segments are trimmed."""
-SEGMENTS = 100
-WINDOWS = (10, 30, 40, 50, 100)
 STEPS = 20
 BASELINE = "D8Eul"
 
-
-CLAIMS = (
-    Claim(
-        "dynamic-samples",
-        "5.2",
-        "A hundred runs for each basis input bring about a hundred thousand samples of u_0.",
-        "108106, 13705, 24910 of u_0, u_1, u_2",
-        [
-            Part(
-                f"u_{i}, for each {SEGMENTS} runs",
-                "",
-                Near(count),
-                of.scaled(
-                    SEGMENTS,
-                    of.ratio(
-                        of.fact("dynamic-session", "samples", str(i)),
-                        of.setting("dynamic-session", "sampler", "segments_per_basis"),
-                    ),
-                ),
-            )
-            for i, count in enumerate((108106.0, 13705.0, 24910.0))
-        ],
-        "The paper prints neither the set Z nor the limits of a run, which decide how long runs "
-        "are.",
-    ),
-    Claim(
-        "dynamic-fewer-samples",
-        "5.2",
-        "u_1 and u_2 bring significantly fewer samples than u_0.",
-        "7.9 and 4.3 times fewer",
-        [
-            Part(
-                f"u_0 over u_{i}",
-                "times",
-                AtLeast(1.5, 1.0),
-                of.ratio(
-                    of.fact("dynamic-session", "samples", "0"),
-                    of.fact("dynamic-session", "samples", str(i)),
-                ),
-            )
-            for i in (1, 2)
-        ],
-    ),
-    Claim(
-        "dynamic-cut-short",
-        "5.2",
-        "Under u_1 and u_2 the length of a run is in most cases limited by the admissible speeds.",
-        "most cases",
-        [
-            Part(
-                f"u_{i}, runs that left Z before their time was over",
-                "share",
-                AtLeast(0.5, 0.25),
-                of.share_cut_short("samples", i, LONGEST_RUN),
-            )
-            for i in (1, 2)
-        ],
-    ),
-    Claim(
-        "omega-noisy",
-        "5.2",
-        "The measured omega is noise sensitive, more than v; both as shares of their ranges in "
-        "V_0.",
-        "no number",
-        [
-            Part(
-                "noise of omega over that of v, window 10",
-                "times",
-                AtLeast(1.2, 0.8),
-                of.ratio(
-                    of.scaled(0.4, of.jitter("samples", "omega", 10)),
-                    of.scaled(2.0, of.jitter("samples", "v", 10)),
-                ),
-            )
-        ],
-    ),
-    Claim(
-        "window-30",
-        "5.2",
-        "Smooth velocities take windows from 30 frames on (125 ms).",
-        "w >= 30",
-        [
-            Part(
-                f"noise of {axis}, window 10 over window 30",
-                "times",
-                AtLeast(2.0, 1.3),
-                of.ratio(of.jitter("samples", axis, 10), of.jitter("samples", axis, 30)),
-            )
-            for axis in ("v", "omega")
-        ],
-    ),
-    Claim(
-        "window-decides",
-        "5.2",
-        "The window has a strong influence on predictions, since it decides the integrators.",
-        "no number",
-        [
-            Part(
-                f"{what} after {STEPS} steps, worst over best window of {WINDOWS[0]} to "
-                f"{WINDOWS[-1]}",
-                "times",
-                AtLeast(1.5, 1.1),
-                of.largest_over_smallest("sweep", f"{name}_{STEPS}_steps", WINDOWS),
-            )
-            for what, name in (("position", "position_mean_m"), ("angle", "angle_mean_rad"))
-        ],
-    ),
+OPEN_LOOP = (
     Claim(
         "d10m-worst",
         "5.3",
@@ -134,9 +24,9 @@ CLAIMS = (
                 f"position error of D10m over that of {name}, {shape}",
                 "times",
                 AtLeast(1.5, 1.0),
-                of.ratio(
-                    of.predicted("validation", "position_mean_m", "D10m", 1, shape=shape),
-                    of.predicted("validation", "position_mean_m", name, 1, shape=shape),
+                measures.ratio(
+                    measures.predicted("validation", "position_mean_m", "D10m", 1, shape=shape),
+                    measures.predicted("validation", "position_mean_m", name, 1, shape=shape),
                 ),
             )
             for shape in ("infinity", "square")
@@ -153,9 +43,9 @@ CLAIMS = (
                 f"{what} of {name} over that of {BASELINE}, {shape}",
                 "times",
                 AtMost(3.0, 10.0),
-                of.ratio(
-                    of.predicted("validation", column, name, 1, shape=shape),
-                    of.predicted("validation", column, BASELINE, 1, shape=shape),
+                measures.ratio(
+                    measures.predicted("validation", column, name, 1, shape=shape),
+                    measures.predicted("validation", column, BASELINE, 1, shape=shape),
                 ),
             )
             for shape in ("infinity", "square")
@@ -173,9 +63,9 @@ CLAIMS = (
                 f"{what} of D12f over that of {BASELINE}, {shape}",
                 "times",
                 AtLeast(0.95, 0.8),
-                of.ratio(
-                    of.predicted("validation", column, "D12f", 1, shape=shape),
-                    of.predicted("validation", column, BASELINE, 1, shape=shape),
+                measures.ratio(
+                    measures.predicted("validation", column, "D12f", 1, shape=shape),
+                    measures.predicted("validation", column, BASELINE, 1, shape=shape),
                 ),
             )
             for shape in ("infinity", "square")
@@ -193,9 +83,9 @@ CLAIMS = (
                 f"largest distance to the averaged runs in the first half, {BASELINE} over {name}",
                 "times",
                 AtMost(1.0, 1.5),
-                of.ratio(
-                    of.off_path_m("dictionaries", "infinity", BASELINE, until=0.5),
-                    of.off_path_m("dictionaries", "infinity", name, until=0.5),
+                measures.ratio(
+                    measures.off_path_m("dictionaries", "infinity", BASELINE, until=0.5),
+                    measures.off_path_m("dictionaries", "infinity", name, until=0.5),
                 ),
             )
             for name in ("D10m", "D13t", "D12f")
@@ -211,9 +101,9 @@ CLAIMS = (
                 "largest distance to the averaged runs, square over infinity",
                 "times",
                 AtLeast(1.2, 0.9),
-                of.ratio(
-                    of.off_path_m("dictionaries", "square", BASELINE),
-                    of.off_path_m("dictionaries", "infinity", BASELINE),
+                measures.ratio(
+                    measures.off_path_m("dictionaries", "square", BASELINE),
+                    measures.off_path_m("dictionaries", "infinity", BASELINE),
                 ),
             )
         ],
@@ -229,7 +119,9 @@ CLAIMS = (
                 "predicted heading ahead of the driven one at the end",
                 "deg",
                 AtLeast(5.0, 0.0),
-                of.scaled(DEG, of.turned_too_far_rad("dictionaries", "square", BASELINE)),
+                measures.scaled(
+                    DEG, measures.turned_too_far_rad("dictionaries", "square", BASELINE)
+                ),
             )
         ],
         "The sign is that of how the robot's wheels and track differ from what the motor loop "
@@ -246,9 +138,9 @@ CLAIMS = (
                 f"{what} after {STEPS} steps, second-order over kinematic",
                 "times",
                 AtLeast(1.2, 0.9),
-                of.ratio(
-                    of.predicted("validation", column, BASELINE, STEPS),
-                    of.predicted("kinematic-validation", column, "model", STEPS),
+                measures.ratio(
+                    measures.predicted("validation", column, BASELINE, STEPS),
+                    measures.predicted("kinematic-validation", column, "model", STEPS),
                 ),
             )
             for what, column in (("position", "position_mean_m"), ("angle", "angle_mean_rad"))
@@ -267,7 +159,7 @@ CLAIMS = (
                 f"{name}, starts and steps with the smaller error",
                 "share",
                 AtLeast(0.5, 0.4),
-                of.share_better("multistep", column, BASELINE),
+                measures.share_better("multistep", column, BASELINE),
             )
             for name, column in (("v", "v_m_per_s"), ("omega", "omega_rad_per_s"))
         ]
@@ -276,7 +168,7 @@ CLAIMS = (
                 "orientation, starts and steps with the smaller error",
                 "share",
                 AtLeast(0.5, 0.4),
-                of.share_better("multistep", "angle_rad", BASELINE),
+                measures.share_better("multistep", "angle_rad", BASELINE),
             )
         ],
     ),
@@ -290,9 +182,9 @@ CLAIMS = (
                 f"position after {STEPS} steps, with reprojection over nominal",
                 "times",
                 AtLeast(1.05, 0.95),
-                of.ratio(
-                    of.mean_ahead("multistep", "position_m", BASELINE, STEPS),
-                    of.mean_ahead("multistep", "position_m", "nominal", STEPS),
+                measures.ratio(
+                    measures.mean_ahead("multistep", "position_m", BASELINE, STEPS),
+                    measures.mean_ahead("multistep", "position_m", "nominal", STEPS),
                 ),
             )
         ],
@@ -307,9 +199,11 @@ CLAIMS = (
                 f"position after {STEPS} steps, without reprojection over with",
                 "times",
                 AtLeast(5.0, 2.0),
-                of.ratio(
-                    of.mean_ahead("multistep", "position_m", f"{BASELINE}, no reprojection", STEPS),
-                    of.mean_ahead("multistep", "position_m", BASELINE, STEPS),
+                measures.ratio(
+                    measures.mean_ahead(
+                        "multistep", "position_m", f"{BASELINE}, no reprojection", STEPS
+                    ),
+                    measures.mean_ahead("multistep", "position_m", BASELINE, STEPS),
                 ),
             )
         ],
@@ -324,13 +218,17 @@ CLAIMS = (
                 "position",
                 "mm",
                 AtMost(50.0, 75.0),
-                of.scaled(1e3, of.largest_ahead("multistep", "position_m", BASELINE, STEPS)),
+                measures.scaled(
+                    1e3, measures.largest_ahead("multistep", "position_m", BASELINE, STEPS)
+                ),
             ),
             Part(
                 "orientation",
                 "deg",
                 AtMost(8.0, 12.0),
-                of.scaled(DEG, of.largest_ahead("multistep", "angle_rad", BASELINE, STEPS)),
+                measures.scaled(
+                    DEG, measures.largest_ahead("multistep", "angle_rad", BASELINE, STEPS)
+                ),
             ),
         ],
     ),

@@ -1,4 +1,4 @@
-"""How regularly the motor loop ticks in real time, beside a calibration."""
+"""`klab bench realtime`: how regularly the motor loop ticks beside a calibration."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from koopman_lab.bus.pacing import Pacing, load_tick_times, pacing
 from koopman_lab.config.schema import LabConfig
-from offboard.bench.session import drive
+from offboard.bench.driven_lab import drive
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -39,7 +39,7 @@ def measure(
     folder
         Takes the session log and the tick times.
     listener
-        This process's ear on the bus.
+        Of this process.
     seconds
         From the moment the robot is driven.
     report
@@ -81,14 +81,14 @@ def stolen_s() -> float | None:
         return None
 
 
-def as_table(found: dict[str, Pacing], rate_hz: float) -> Table:
+def as_table(pacings: dict[str, Pacing], rate_hz: float) -> Table:
     """Return the figures as a table."""
     from rich.table import Table
 
     table = Table(f"{rate_hz:g} Hz", title="period in ms")
     for column in ("p50", "p99", "p99.9", "max", "99 % within", "ticks", "missed"):
         table.add_column(column, justify="right")
-    for name, row in found.items():
+    for name, row in pacings.items():
         table.add_row(
             WORDS[name],
             *(f"{ms:.2f}" for ms in row[3:7]),

@@ -1,4 +1,4 @@
-"""What the controller reports of each step, on the bus and afterwards."""
+"""What the controller reports of each step: MPC_STATE, and a row of the trajectory."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from koopman_lab.bus.message_values import padded
 from koopman_lab.geometry.planar import Pose
 from koopman_lab.robots.robot_type import RobotType
 from koopman_lab.studies.closed_loop import row
-from offboard.controller.controller import Outputs
+from offboard.controller.controller_step import Outputs
 from offboard.desk.results import Row
 
 

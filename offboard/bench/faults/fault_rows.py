@@ -1,4 +1,4 @@
-"""Drives the real nodes through every fault, and measures what the true robot does."""
+"""`klab bench faults`: runs the lab through every fault, and measures what the true robot does."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STANDS_S = 1.0
 
 @dataclass(frozen=True)
 class Row:
-    """What one fault led to.
+    """One row of the table: what one fault led to.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Row:
     told: str
 
 
-def suffer(scenario: Scenario, config: LabConfig) -> Row:
+def run_scenario(scenario: Scenario, config: LabConfig) -> Row:
     """Run one scenario from rest.
 
     Raises
@@ -82,7 +82,7 @@ def suffer(scenario: Scenario, config: LabConfig) -> Row:
             stage.close()
 
 
-def suffer_all(
+def run_scenarios(
     config: LabConfig, only: str, on_progress: Callable[[float, float, str], None]
 ) -> list[Row]:
     """Run every scenario whose name contains ``only``."""
@@ -91,7 +91,7 @@ def suffer_all(
     rows = []
     for done, scenario in enumerate(scenarios):
         on_progress(done, len(scenarios), scenario.name)
-        rows.append(suffer(scenario, config))
+        rows.append(run_scenario(scenario, config))
     on_progress(len(scenarios), len(scenarios), "")
     return rows
 
@@ -141,5 +141,5 @@ def _row(scenario: Scenario, stage: Stage, struck_us: int, refused: Mapping[Any,
         rolled_m(sights),
         max(abs(speed) for both in speeds for speed in both),
         stage.session,
-        stage.told,
+        stage.message,
     )

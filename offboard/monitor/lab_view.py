@@ -1,4 +1,4 @@
-"""The state of the page: every message of every robot in, snapshot out. No clock, no socket."""
+"""All robots on a bus as the page shows them: messages in, snapshots out. No clock, no socket."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 from koopman_lab.bus.channels import OPERATOR, Channel
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
-from offboard.monitor.robot import RobotView
+from offboard.monitor.robot_view import RobotView
 from offboard.monitor.streams import GIVES_WAY_S, MOST_STREAMS, Streams
 
 MOST_ROBOTS = 16
@@ -26,13 +26,13 @@ class LabView:
     ----------
     config
         What to assume of a robot as long as no session says its configuration.
-    own
-        Name of the robot whose very configuration this is, None if of none.
+    known_robot
+        Name of the robot whose configuration this is, None if it is only an assumption.
     """
 
-    def __init__(self, config: LabConfig, own: str | None = None) -> None:
+    def __init__(self, config: LabConfig, known_robot: str | None = None) -> None:
         self.robots: dict[str, RobotView] = {}
-        self._config, self._own = config, own
+        self._config, self._known_robot = config, known_robot
         self._streams = Streams()
         self._left_out: tuple[str, int] | None = None
         """The newest robot without a place, and when it spoke (us)."""
@@ -45,7 +45,7 @@ class LabView:
         robot_name = name[: -len(stream.channel.suffix) - 1]
         robot = self.robots.get(robot_name)
         if robot is None:
-            robot = self._place(robot_name, stream.channel, arrived_us)
+            robot = self._view_of_newcomer(robot_name, stream.channel, arrived_us)
             if robot is None:
                 return
         robot.take(stream, stream.channel, data, arrived_us)
@@ -53,7 +53,7 @@ class LabView:
     def snapshot(self, now_us: int) -> dict[str, Any]:
         """Return what every page shows now: by robot, all but the histories."""
         shown = {name: self.robots[name].snapshot(now_us) for name in sorted(self.robots)}
-        for note in self._notes(now_us):
+        for note in self._omissions(now_us):
             for robot in shown.values():
                 robot["banners"].append(note)
         return shown
@@ -66,10 +66,10 @@ class LabView:
         marks
             From the call before; empty for a page that has nothing.
         """
-        wanted = {name: (row, segment) for name, row, segment in marks}
+        wanted_from = {name: (row, segment) for name, row, segment in marks}
         news, following = {}, []
         for name, robot in sorted(self.robots.items()):
-            row, segment = wanted.get(name, (0, 0))
+            row, segment = wanted_from.get(name, (0, 0))
             rows = robot.rows.since(row)
             paths = robot.collected.paths.since(segment)
             news[name] = {
@@ -79,7 +79,7 @@ class LabView:
             following.append((name, robot.rows.next, robot.collected.paths.next))
         return news, tuple(following)
 
-    def _place(self, name: str, channel: Channel[Any], now_us: int) -> RobotView | None:
+    def _view_of_newcomer(self, name: str, channel: Channel[Any], now_us: int) -> RobotView | None:
         """Return the view of a robot that speaks for the first time, None if it has no place.
 
         What a person says to a robot is no robot: its name may be a slip.
@@ -87,15 +87,15 @@ class LabView:
         if channel.publisher == OPERATOR:
             return None
         if len(self.robots) == MOST_ROBOTS:
-            silent = min(self.robots.values(), key=lambda robot: robot.liveness.spoken_us)
-            if now_us - silent.liveness.spoken_us < GIVES_WAY_S * US_PER_S:
+            silent = min(self.robots.values(), key=lambda robot: robot.replay_detection.spoken_us)
+            if now_us - silent.replay_detection.spoken_us < GIVES_WAY_S * US_PER_S:
                 self._left_out = name, now_us
                 return None
             del self.robots[silent.name]
-        robot = self.robots[name] = RobotView(name, self._config, known=name == self._own)
+        robot = self.robots[name] = RobotView(name, self._config, known=name == self._known_robot)
         return robot
 
-    def _notes(self, now_us: int) -> list[str]:
+    def _omissions(self, now_us: int) -> list[str]:
         """Return what is not on the page."""
         notes = []
         if self._left_out is not None and _lately(self._left_out[1], now_us):

@@ -1,4 +1,4 @@
-"""What is known of one robot, from its messages alone."""
+"""One robot as the page shows it, from its messages alone."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ConfigError
 from koopman_lab.units import US_PER_S
-from offboard.monitor import headline as words
+from offboard.monitor import headline
 from offboard.monitor.collected_segments import CollectedSegments, Point
 from offboard.monitor.history import History
 from offboard.monitor.json_values import (
-    Numbers,
-    entry_row,
+    config_facts,
     flow_row,
-    horizon,
     number,
     numbers,
-    progress,
-    settled,
+    predicted_points,
+    process_row,
+    sampler_progress,
 )
 from offboard.monitor.latest_message import LatestMessage
+from offboard.monitor.plot_row import PlotRow, plot_row
 from offboard.monitor.process_states import ALIVE, FINISHED, SILENT, ProcessState, ProcessStates
 from offboard.monitor.replay_detection import REPLAY_MEMORY_S, ReplayDetection
 from offboard.monitor.streams import Stream
@@ -39,10 +39,6 @@ YOUNG_S = 1.0
 """What is older is shown no more as what is."""
 TABLES_S = 0.5
 """A person reads no faster."""
-
-Row = Numbers
-"""Time (s), x1, x2 (m), theta (rad), v measured, v wanted (m/s), omega measured, omega wanted
-(rad/s), value function, solve time (ms), x2 deviation from the goal (m)."""
 
 
 class _Tables(NamedTuple):
@@ -71,11 +67,11 @@ class RobotView:
     def __init__(self, name: str, config: LabConfig, *, known: bool = False) -> None:
         self.name = name
         self.config = config
-        self._settled = settled(config)
+        self._config_facts = config_facts(config)
         self.process_states = ProcessStates()
-        self.liveness = ReplayDetection()
+        self.replay_detection = ReplayDetection()
         self.collected = CollectedSegments()
-        self.rows: History[Row] = History(MOST_ROWS)
+        self.rows: History[PlotRow] = History(MOST_ROWS)
         self._streams: dict[str, Stream] = {}
         self._pose = LatestMessage(channels.MOCAP_POSE)
         self._wheels = LatestMessage(channels.WHEEL_STATE)
@@ -85,10 +81,9 @@ class RobotView:
         self._reference = LatestMessage(channels.REFERENCE_STATE)
         self._info = LatestMessage(channels.SESSION_INFO)
         self._latest: dict[str, LatestMessage[Any]] = {
-            kept.channel.suffix: kept
-            for kept in (
-                *(self._pose, self._wheels, self._status, self._mpc, self._reference),
-                self._info,
+            latest.channel.suffix: latest
+            for latest in (
+                *(self._pose, self._wheels, self._status, self._mpc, self._reference, self._info),
             )
         }
         self._beats = {c.suffix: node for node, c in channels.HEARTBEATS.items()}
@@ -103,34 +98,34 @@ class RobotView:
         """Take a message of this robot, which its stream has taken before."""
         suffix = channel.suffix
         self._streams[suffix] = stream
-        self._note_row(arrived_us)
-        self.liveness.judge(channel, stream.utime, arrived_us)
-        kept = self._latest.get(suffix)
-        if kept is not None:
-            kept.take(data, arrived_us)
-            if kept is self._info:
+        self._append_row_if_due(arrived_us)
+        self.replay_detection.judge(channel, stream.utime, arrived_us)
+        latest = self._latest.get(suffix)
+        if latest is not None:
+            latest.take(data, arrived_us)
+            if latest is self._info:
                 self._learn_config()
         elif channel is channels.SAMPLER_STATE:
             self._sampler.take(data, arrived_us)
             state = self._sampler.read()
             if state is not None:
-                self.collected.see(state, self._where(arrived_us))
+                self.collected.take(state, self._position(arrived_us))
         elif channel is channels.PROCESS:
-            told = LatestMessage(channels.PROCESS)
-            told.take(data, arrived_us)
-            message = told.read()
+            report = LatestMessage(channels.PROCESS)
+            report.take(data, arrived_us)
+            message = report.read()
             if message is not None:
-                self.process_states.tell(message, arrived_us)
+                self.process_states.take_report(message, arrived_us)
         elif suffix in self._beats:
-            self.process_states.beat(self._beats[suffix], data, arrived_us)
+            self.process_states.take_heartbeat(self._beats[suffix], data, arrived_us)
 
     def replayed(self, now_us: int) -> bool:
         """Return whether what is heard is a log, sent again."""
-        return self.liveness.replayed(now_us)
+        return self.replay_detection.replayed(now_us)
 
     def alive(self, now_us: int) -> bool:
         """Return whether somebody speaks for the robot who is no log."""
-        return self.liveness.alive(now_us)
+        return self.replay_detection.alive(now_us)
 
     def status(self, now_us: int) -> lcmtypes.onboard_status_t | None:
         """Return what the motor loop said last, None while it is silent."""
@@ -164,13 +159,14 @@ class RobotView:
         sampler = self._sampler.young(now_us, YOUNG_S)
         wheels = self._wheels.young(now_us, YOUNG_S)
         replayed = self.replayed(now_us)
-        over = self.liveness.replay_over(now_us)
+        over = self.replay_detection.replay_over(now_us)
         lost_view = pose is not None and not pose.tracking_valid
-        tables = self._tables_at(now_us)
+        tables = self._tables_of(now_us)
         trouble = [self._config_trouble] if self._config_trouble else []
         return {
-            "line": self._line(now_us, tables.entries, status, mpc, sampler),
-            "banners": words.banners(tables.entries, tables.stale, lost_view=lost_view) + trouble,
+            "line": self._headline(now_us, tables.entries, status, mpc, sampler),
+            "banners": headline.banners(tables.entries, tables.stale, lost_view=lost_view)
+            + trouble,
             "replay": replayed or over,
             "steerable": not replayed and self.alive(now_us),
             "pose": None if pose is None else numbers(pose.x1_m, pose.x2_m, pose.theta_rad),
@@ -178,15 +174,15 @@ class RobotView:
             "pose_age_s": pose
             and number((now_us - (self._pose.arrived_us if replayed else pose.utime)) / US_PER_S),
             "tracked": pose is not None and bool(pose.tracking_valid),
-            "onboard": None if status is None else words.standing(status),
+            "onboard": None if status is None else headline.motor_loop_text(status),
             "stopped": status is not None and status.state in (status.ESTOP, status.FAULT),
             "battery_v": None if status is None else number(status.battery_v),
             "speeds": None if wheels is None else numbers(wheels.v_m_per_s, wheels.omega_rad_per_s),
             "goal": None if mpc is None else numbers(*mpc.goal),
             "driving": mpc is not None and mpc.state == mpc.DRIVING,
-            "horizon": [] if mpc is None else horizon(mpc),
-            "sampler": None if sampler is None else progress(sampler),
-            **self._settled,
+            "horizon": [] if mpc is None else predicted_points(mpc),
+            "sampler": None if sampler is None else sampler_progress(sampler),
+            **self._config_facts,
             "assumed": self._assumed,
             "channels": tables.channels,
             "processes": tables.processes,
@@ -199,7 +195,7 @@ class RobotView:
         self._config_yaml, self._config_trouble = info.config_yaml, ""
         try:
             self.config = parse_config(info.config_yaml, channels.SESSION_INFO.name(self.name))
-            self._settled = settled(self.config)
+            self._config_facts = config_facts(self.config)
             self._assumed = False
         except ConfigError:
             self._config_trouble = (
@@ -207,14 +203,14 @@ class RobotView:
                 "those of the viewer"
             )
 
-    def _where(self, now_us: int) -> Point | None:
+    def _position(self, now_us: int) -> Point | None:
         pose = self._pose.young(now_us, YOUNG_S)
         if pose is None or not pose.tracking_valid:
             return None
         x1, x2 = round(pose.x1_m, 4), round(pose.x2_m, 4)
         return (x1, x2) if math.isfinite(x1) and math.isfinite(x2) else None
 
-    def _note_row(self, arrived_us: int) -> None:
+    def _append_row_if_due(self, arrived_us: int) -> None:
         """Make a row of what was known before a message that arrives, where one is due."""
         heard_us, self._heard_us = self._heard_us, arrived_us
         if (
@@ -222,29 +218,13 @@ class RobotView:
             and not self._row_due_us - US_PER_S <= arrived_us < self._row_due_us
         ):
             self._row_due_us = arrived_us + round(ROW_S * US_PER_S)
-            self.rows.append(self._row(heard_us))
+            self.rows.append(self._plot_row(heard_us))
 
-    def _row(self, now_us: int) -> Row:
+    def _plot_row(self, now_us: int) -> PlotRow:
         pose, wheels = self._pose.young(now_us, YOUNG_S), self._wheels.young(now_us, YOUNG_S)
-        status, mpc = self.status(now_us), self.mpc(now_us)
-        row: Row = [now_us / US_PER_S]
-        if pose is not None and pose.tracking_valid:
-            row += numbers(pose.x1_m, pose.x2_m, pose.theta_rad)
-        else:
-            row += [None] * 3
-        row += [
-            number(None if wheels is None else wheels.v_m_per_s),
-            number(None if status is None else status.v_setpoint_m_per_s),
-            number(None if wheels is None else wheels.omega_rad_per_s),
-            number(None if status is None else status.omega_setpoint_rad_per_s),
-        ]
-        if mpc is not None and mpc.state == mpc.DRIVING:
-            row += numbers(mpc.value_function, mpc.solve_ms, mpc.state_in_goal_frame[1])
-        else:
-            row += [None] * 3
-        return row
+        return plot_row(now_us, pose, wheels, self.status(now_us), self.mpc(now_us))
 
-    def _line(
+    def _headline(
         self,
         now_us: int,
         entries: list[ProcessState],
@@ -253,48 +233,51 @@ class RobotView:
         sampler: lcmtypes.sampler_state_t | None,
     ) -> str:
         silent_us = now_us - (self._heard_us or 0)
-        if self.liveness.replay_over(now_us):
+        if self.replay_detection.replay_over(now_us):
             return f"replay: over for {silent_us / US_PER_S:.0f} s"
         if silent_us > REPLAY_MEMORY_S * US_PER_S:
             return f"nothing heard for {silent_us / US_PER_S:.0f} s"
-        before = "replay: " if self.replayed(now_us) else ""
-        if status is not None and (held := words.held_by(status)) is not None:
-            return f"{before}stopped: {held}; it stands until it is released"
+        prefix = "replay: " if self.replayed(now_us) else ""
+        if status is not None and (stop := headline.stop_text(status)) is not None:
+            return f"{prefix}stopped: {stop}; it stands until it is released"
         if mpc is not None:
-            return before + words.parking(mpc)
+            return prefix + headline.parking_text(mpc)
         if sampler is not None:
-            return before + words.sampling(sampler)
+            return prefix + headline.calibration_text(sampler)
         reference = self._reference.young(now_us, YOUNG_S)
         if reference is not None:
-            return before + words.referring(reference)
+            return prefix + headline.reference_text(reference)
         if status is not None:
             nobody = "" if status.commander else ", nobody commands it"
-            return f"{before}{words.standing(status)}{nobody}{self._doubt()}"
+            return f"{prefix}{headline.motor_loop_text(status)}{nobody}{self._assumption()}"
         speaking = ", ".join(entry.name for entry in entries if entry.state == ALIVE)
-        return f"{before}the motor loop is silent; heard: {speaking or 'no process'}{self._doubt()}"
+        heard = speaking or "no process"
+        return f"{prefix}the motor loop is silent; heard: {heard}{self._assumption()}"
 
-    def _doubt(self) -> str:
+    def _assumption(self) -> str:
         """Return what to add while nobody drives: a session says its configuration, a lab none."""
         return "; size and sets as this viewer assumes" if self._assumed else ""
 
-    def _stale(self, now_us: int, entries: list[ProcessState]) -> list[tuple[Stream, float]]:
-        if self.liveness.replay_over(now_us):
+    def _stale_streams(
+        self, now_us: int, entries: list[ProcessState]
+    ) -> list[tuple[Stream, float]]:
+        if self.replay_detection.replay_over(now_us):
             return []
         status = self.status(now_us)
         at_rest = status is not None and status.state == status.REST and not status.commander
-        over = words.excused(entries, at_rest=at_rest)
-        return words.stale(list(self._streams.values()), self.config, over, now_us)
+        over = headline.rightly_silent(entries, at_rest=at_rest)
+        return headline.stale_streams(list(self._streams.values()), self.config, over, now_us)
 
-    def _tables_at(self, now_us: int) -> _Tables:
-        made = self._tables
-        if made is None or not 0 <= now_us - made.now_us < TABLES_S * US_PER_S:
+    def _tables_of(self, now_us: int) -> _Tables:
+        tables = self._tables
+        if tables is None or not 0 <= now_us - tables.now_us < TABLES_S * US_PER_S:
             entries = self.entries(now_us)
-            stale = self._stale(now_us, entries)
+            stale = self._stale_streams(now_us, entries)
             names = {stream.name for stream, _ in stale}
             flows = [
                 flow_row(stream.flow(now_us, self.config)) | {"stale": stream.name in names}
                 for stream in sorted(self._streams.values(), key=lambda stream: stream.name)
             ]
-            rows = [entry_row(entry) for entry in entries]
-            made = self._tables = _Tables(now_us, entries, stale, flows, rows)
-        return made
+            rows = [process_row(entry) for entry in entries]
+            tables = self._tables = _Tables(now_us, entries, stale, flows, rows)
+        return tables

@@ -14,7 +14,7 @@ from offboard.terminal.output import err, out, progress
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from offboard.bench.view_load import Load
+    from offboard.bench.page_load import Load
 
 NO_RADIO_LOSS = (
     "simulation.radio.to_robot.loss=0.0",
@@ -46,42 +46,42 @@ def view(
 
     Example: klab bench view --minutes 1 --clients 4
     """
-    from offboard.bench.session import MORE_THAN_ENOUGH
-    from offboard.bench.view_load import measure
+    from offboard.bench.driven_lab import MORE_THAN_ENOUGH
+    from offboard.bench.page_load import measure
     from offboard.lab.run_folder import new_folder
-    from offboard.lab.session import keeping_the_log
+    from offboard.lab.session_runner import keeping_the_log
 
-    wanted = [f"sampler.segments_per_basis={MORE_THAN_ENOUGH}", *NO_RADIO_LOSS, *(overrides or ())]
-    lab = options.resolve(config, wanted, robot, url=url)
+    changes = [f"sampler.segments_per_basis={MORE_THAN_ENOUGH}", *NO_RADIO_LOSS, *(overrides or ())]
+    lab = options.resolve(config, changes, robot, url=url)
     listener = options.listen(lab)
     run, seconds = new_folder(folder, "view", lab), 60.0 * minutes
     with keeping_the_log(run), progress("showing", "s") as report:
-        found = measure(
+        load = measure(
             lab, run, listener, seconds, clients, lambda s: report(round(s), round(seconds))
         )
     if as_json:
-        out.print_json(json.dumps(found._asdict()))
+        out.print_json(json.dumps(load._asdict()))
         return
-    if found.drawn_ms is None:
+    if load.drawn_ms is None:
         err.print("no Chromium or no playwright: nobody drew the page")
-    out.print(_table(found, seconds))
+    out.print(_table(load, seconds))
 
 
-def _table(found: Load, seconds: float) -> Table:
+def _table(load: Load, seconds: float) -> Table:
     from rich.table import Table
 
     table = Table("", "", title=f"klab view for {seconds:.0f} s")
-    table.add_row("server", f"{100.0 * found.cpu_share:.2f} % of a core")
-    low, high = min(found.memory_mb[1:] or found.memory_mb), max(found.memory_mb)
-    table.add_row("its memory", f"{low:.1f} to {high:.1f} MB, at last {found.memory_mb[-1]:.1f} MB")
+    table.add_row("server", f"{100.0 * load.cpu_share:.2f} % of a core")
+    low, high = min(load.memory_mb[1:] or load.memory_mb), max(load.memory_mb)
+    table.add_row("its memory", f"{low:.1f} to {high:.1f} MB, at last {load.memory_mb[-1]:.1f} MB")
     for what, spread in (
-        ("camera exposure to next picture", found.drawn_ms),
-        ("snapshot made to client", found.snapshot_ms),
+        ("camera exposure to next picture", load.drawn_ms),
+        ("snapshot made to client", load.snapshot_ms),
     ):
         if spread is not None:
             p50, p99, longest = spread
             table.add_row(what, f"p50 {p50:.0f}, p99 {p99:.0f}, max {longest:.0f} ms")
-    table.add_row("snapshots a second, least of all clients", f"{found.snapshots_hz:.1f}")
-    table.add_row("messages of the lab, lost", f"{found.messages}, {found.lost}")
-    table.add_row("ticks of the motor loop, missed", f"{found.ticks}, {found.missed_ticks}")
+    table.add_row("snapshots a second, least of all clients", f"{load.snapshots_hz:.1f}")
+    table.add_row("messages of the lab, lost", f"{load.messages}, {load.lost}")
+    table.add_row("ticks of the motor loop, missed", f"{load.ticks}, {load.missed_ticks}")
     return table

@@ -1,4 +1,4 @@
-"""Which input acts on the robot when."""
+"""The inputs that were commanded, and when each acts on the robot."""
 
 from __future__ import annotations
 

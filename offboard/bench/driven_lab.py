@@ -1,4 +1,4 @@
-"""A calibration in real time for as long as something is measured beside it."""
+"""Lets the sampler drive a lab in real time, for as long as a bench measures beside it."""
 
 from __future__ import annotations
 

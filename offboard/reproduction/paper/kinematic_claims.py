@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from offboard.reproduction.paper import measures as of
+from offboard.reproduction.paper import measures
 from offboard.reproduction.paper.claim import Claim, Part
 from offboard.reproduction.paper.verdict import AtLeast, AtMost, Near
 
@@ -18,12 +18,12 @@ WEIGHTS = (
 GRID = "Each group of weights times each factor, and the bounds halved and doubled."
 
 
-def weights_claim(name: str, section: str, says: str, step: str, limit_mm: float) -> Claim:
+def weights_claim(name: str, section: str, sentence: str, step: str, limit_mm: float) -> Claim:
     """Return that quadratic costs fail, and mixed exponents do not, whatever the weights."""
     return Claim(
         name,
         section,
-        f"{says} Over a grid of weights and bounds, the median setting of ce and ds leaves a "
+        f"{sentence} Over a grid of weights and bounds, the median setting of ce and ds leaves a "
         "deviation, and that of me does not.",
         "no number; not a sentence of the paper, which prints no weights",
         [
@@ -32,7 +32,7 @@ def weights_claim(name: str, section: str, says: str, step: str, limit_mm: float
                     f"median |x2| of {cost}",
                     "mm",
                     AtLeast(limit_mm, 0.5 * limit_mm),
-                    of.median_of_grid_mm(step, cost),
+                    measures.median_of_grid_mm(step, cost),
                 )
                 for cost in ("ce", "ds")
             ),
@@ -40,7 +40,7 @@ def weights_claim(name: str, section: str, says: str, step: str, limit_mm: float
                 "median |x2| of me",
                 "mm",
                 AtMost(limit_mm, 2.0 * limit_mm),
-                of.median_of_grid_mm(step, "me"),
+                measures.median_of_grid_mm(step, "me"),
             ),
         ],
         GRID,
@@ -55,7 +55,7 @@ CLAIMS = (
         "the nominal equations are all at the goal sideways after 10 s.",
         "|x2| < 0.03 mm for all three",
         [
-            Part(name, "mm", AtMost(0.03, 0.3), of.simulated_x2_mm("simulation-models", name))
+            Part(name, "mm", AtMost(0.03, 0.3), measures.simulated_x2_mm("simulation-models", name))
             for name in CONTROLLERS
         ],
     ),
@@ -69,7 +69,7 @@ CLAIMS = (
                 "largest distance between the two paths",
                 "m",
                 AtMost(0.02, 0.1),
-                of.paths_apart_m("simulation-models", "me-reprojected", "me-lifted"),
+                measures.paths_apart_m("simulation-models", "me-reprojected", "me-lifted"),
             )
         ],
     ),
@@ -84,9 +84,9 @@ CLAIMS = (
                 f"|x2| of {name} over that of me-nominal",
                 "times",
                 AtLeast(1.5, 1.0),
-                of.ratio(
-                    of.simulated_x2_mm("simulation-models", name),
-                    of.simulated_x2_mm("simulation-models", "me-nominal"),
+                measures.ratio(
+                    measures.simulated_x2_mm("simulation-models", name),
+                    measures.simulated_x2_mm("simulation-models", "me-nominal"),
                 ),
             )
             for name in ("me-reprojected", "me-lifted")
@@ -99,7 +99,10 @@ CLAIMS = (
         "no number",
         [
             Part(
-                name, "times smaller", AtLeast(1e6, 1e4), of.value_falls("simulation-models", name)
+                name,
+                "times smaller",
+                AtLeast(1e6, 1e4),
+                measures.value_falls("simulation-models", name),
             )
             for name in ("me-reprojected", "me-lifted")
         ],
@@ -115,7 +118,7 @@ CLAIMS = (
                 f"|x2| of {name}",
                 "mm",
                 AtLeast(SIGNIFICANT_MM, 0.5 * SIGNIFICANT_MM),
-                of.simulated_x2_mm("simulation-parallel", f"{name}-reprojected"),
+                measures.simulated_x2_mm("simulation-parallel", f"{name}-reprojected"),
             )
             for name in ("ce", "ds")
         ],
@@ -132,13 +135,13 @@ CLAIMS = (
                 "me-reprojected",
                 "mm",
                 AtMost(0.1, SIGNIFICANT_MM),
-                of.simulated_x2_mm("simulation-parallel", "me-reprojected"),
+                measures.simulated_x2_mm("simulation-parallel", "me-reprojected"),
             ),
             Part(
                 "me-lifted",
                 "mm",
                 AtMost(0.1, SIGNIFICANT_MM),
-                of.simulated_x2_mm("simulation-parallel-lifted", "me-lifted"),
+                measures.simulated_x2_mm("simulation-parallel-lifted", "me-lifted"),
             ),
         ],
     ),
@@ -160,7 +163,7 @@ CLAIMS = (
                 f"{name}, runs below {SIGNIFICANT_MM:g} mm",
                 "share",
                 AtLeast(0.9, 0.75),
-                of.share_below("kinematic-parking", name, SIGNIFICANT_MM),
+                measures.share_below("kinematic-parking", name, SIGNIFICANT_MM),
             )
             for name in ("me-reprojected", "me-lifted")
         ],
@@ -176,7 +179,7 @@ CLAIMS = (
                 f"{name}, runs above {SIGNIFICANT_MM:g} mm",
                 "share",
                 AtLeast(0.5, 0.25),
-                of.share_above("kinematic-parking", name, SIGNIFICANT_MM),
+                measures.share_above("kinematic-parking", name, SIGNIFICANT_MM),
             )
             for name in QUADRATIC
         ],
@@ -193,9 +196,9 @@ CLAIMS = (
                 f"median |x2| of {name} over that of me-{name.split('-')[1]}",
                 "times",
                 AtLeast(10.0, 3.0),
-                of.ratio(
-                    of.quantile_mm("kinematic-parking", name, 0.5),
-                    of.quantile_mm("kinematic-parking", f"me-{name.split('-')[1]}", 0.5),
+                measures.ratio(
+                    measures.quantile_mm("kinematic-parking", name, 0.5),
+                    measures.quantile_mm("kinematic-parking", f"me-{name.split('-')[1]}", 0.5),
                 ),
             )
             for name in QUADRATIC
@@ -212,7 +215,9 @@ CLAIMS = (
                 "",
                 Near(count),
                 # The cameras see 240 frames a second, and each frame begins a pair.
-                of.ratio(of.fact("kinematic-session", "samples", str(i)), lambda _: 12.0),
+                measures.ratio(
+                    measures.fact("kinematic-session", "samples", str(i)), lambda _: 12.0
+                ),
             )
             for i, count in ((1, 150.0), (2, 642.0))
         ],
@@ -224,7 +229,7 @@ CLAIMS = (
         "4",
         "The calibration session is short.",
         "119.67 s",
-        [Part("duration", "s", Near(119.67), of.fact("kinematic-session", "duration_s"))],
+        [Part("duration", "s", Near(119.67), measures.fact("kinematic-session", "duration_s"))],
     ),
     Claim(
         "kinematic-lab-mixed",
@@ -232,8 +237,12 @@ CLAIMS = (
         "On hardware the mixed-exponents cost parks the robot within 25 s.",
         "a prescribed neighbourhood reached (size not printed)",
         [
-            Part("me parked (1: yes)", "", AtLeast(1.0, 1.0), of.parked("kinematic-lab", "me")),
-            Part("|x2| of me", "mm", AtMost(5.0, 10.0), of.parked_x2_mm("kinematic-lab", "me")),
+            Part(
+                "me parked (1: yes)", "", AtLeast(1.0, 1.0), measures.parked("kinematic-lab", "me")
+            ),
+            Part(
+                "|x2| of me", "mm", AtMost(5.0, 10.0), measures.parked_x2_mm("kinematic-lab", "me")
+            ),
         ],
     ),
     Claim(
@@ -243,7 +252,12 @@ CLAIMS = (
         "prescribed neighbourhood of the goal.",
         "no number (a figure)",
         [
-            Part(f"{name} parked (1: yes)", "", AtMost(0.0, 0.0), of.parked("kinematic-lab", name))
+            Part(
+                f"{name} parked (1: yes)",
+                "",
+                AtMost(0.0, 0.0),
+                measures.parked("kinematic-lab", name),
+            )
             for name in ("ce", "ds")
         ],
         f"{WEIGHTS} Our neighbourhood is 20 mm, 5 mm sideways, and 0.05 rad.",

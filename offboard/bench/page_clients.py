@@ -1,4 +1,4 @@
-"""Clients of the page without a page: `python -m offboard.bench.view_clients HOST:PORT N`.
+"""Clients of the page without a page: `python -m offboard.bench.page_clients HOST:PORT N`.
 
 At SIGINT they print, for each client, when each snapshot came (s) and how old it was (ms).
 """
@@ -36,7 +36,7 @@ async def main(address: str, count: int) -> None:
     seen: list[list[tuple[float, float]]] = [[] for _ in range(count)]
     over = asyncio.Event()
     asyncio.get_running_loop().add_signal_handler(signal.SIGINT, over.set)
-    tasks = [asyncio.create_task(look(address, one)) for one in seen]
+    tasks = [asyncio.create_task(look(address, client_seen)) for client_seen in seen]
     await over.wait()
     for task in tasks:
         task.cancel()

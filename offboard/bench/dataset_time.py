@@ -86,7 +86,7 @@ def _measure(path: Path, repetitions: int) -> dict[str, Any]:
             ended, cpu_ended = time.perf_counter(), time.process_time()
             rows.append((read - started, ended - read, ended - started, cpu_ended - cpu_started))
             report(number + 1, repetitions, f"{ended - started:.2f} s")
-    found = np.percentile(rows, [50.0, 99.0, 100.0], axis=0).T.tolist()
+    percentiles = np.percentile(rows, [50.0, 99.0, 100.0], axis=0).T.tolist()
     facts: dict[str, Any] = {
         "file": str(log.path),
         "bytes": sum(file.stat().st_size for file in parts(log.path)),
@@ -96,7 +96,7 @@ def _measure(path: Path, repetitions: int) -> dict[str, Any]:
     }
     return facts | {
         name: dict(zip(("median", "p99", "max"), values, strict=True))
-        for name, values in zip(NAMES, found, strict=True)
+        for name, values in zip(NAMES, percentiles, strict=True)
     }
 
 

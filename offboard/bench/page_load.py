@@ -18,9 +18,9 @@ from koopman_lab.bus.channels import HEARTBEATS
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from offboard.bench.browser import browser, visit
-from offboard.bench.session import drive
+from offboard.bench.driven_lab import drive
 from offboard.commands.view import HOST, free_port
-from offboard.lab.python_process import command
+from offboard.lab.python_process import module_command
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
@@ -95,7 +95,7 @@ def measure(
     folder
         Takes the session log.
     listener
-        This process's ear on the bus.
+        Of this process.
     seconds
         From the moment the robot is driven.
     clients
@@ -119,8 +119,8 @@ def measure(
         lab = stack.enter_context(supervised(config, folder, listener))
         start_missing(lab, set(), folder)
         lab.start("view", "--port", str(port))
-        found = stack.enter_context(browser())
-        page = None if found is None else found.new_page()
+        chromium = stack.enter_context(browser())
+        page = None if chromium is None else chromium.new_page()
         if page is not None:
             visit(page, f"http://{address}/")
         readers = clients - 1 - (page is not None)
@@ -141,9 +141,9 @@ def measure(
         drive(lab, config, folder, listener, seconds, watch)
         cpu_share = meter.end(seconds)
         reading.send_signal(signal.SIGINT)
-        told: list[list[Seen]] = json.loads(reading.communicate()[0] or "[]")
-    ages = [age_ms for one in told for _, age_ms in one]
-    if not told or min(map(len, told)) < 2:
+        snapshots: list[list[Seen]] = json.loads(reading.communicate()[0] or "[]")
+    ages = [age_ms for client in snapshots for _, age_ms in client]
+    if not snapshots or min(map(len, snapshots)) < 2:
         raise LabStateError(
             f"http://{address}/: a client got nothing; {folder.process_log('view')} may say why"
         )
@@ -151,7 +151,7 @@ def measure(
     return Load(
         cpu_share,
         meter.memory_mb,
-        min((len(one) - 1) / (one[-1][0] - one[0][0]) for one in told),
+        min((len(client) - 1) / (client[-1][0] - client[0][0]) for client in snapshots),
         _spread(ages),
         _spread(delays) if delays else None,
         sum(flow.count for flow in flows),
@@ -193,7 +193,7 @@ class _Meter:
 @contextlib.contextmanager
 def _clients(address: str, count: int) -> Iterator[subprocess.Popen[str]]:
     """Give a process with so many clients; it tells the age of each snapshot when it is stopped."""
-    reader = command("offboard.bench.view_clients", address, str(count))
+    reader = module_command("offboard.bench.page_clients", address, str(count))
     with subprocess.Popen(
         reader, stdout=subprocess.PIPE, text=True, start_new_session=True
     ) as process:

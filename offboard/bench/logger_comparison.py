@@ -1,4 +1,4 @@
-"""Our logger and lcm-logger on one bus, both counted."""
+"""`klab bench logger`: our logger and lcm-logger record the same bus, and both are measured."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from koopman_lab.config.schema import LabConfig
-from offboard.bench.session import drive
+from offboard.bench.driven_lab import drive
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -64,7 +64,7 @@ def measure(
     folder
         Takes both logs.
     listener
-        This process's ear on the bus.
+        Of this process.
     seconds
         From the moment the robot is driven.
     report
@@ -107,14 +107,14 @@ def measure(
     }
 
 
-def as_table(found: dict[str, Row], camera_rate_hz: float, seconds: float) -> Table:
+def as_table(rows: dict[str, Row], camera_rate_hz: float, seconds: float) -> Table:
     """Return the figures as a table."""
     from rich.table import Table
 
     table = Table("logger", title=f"cameras at {camera_rate_hz:g} Hz, {seconds:g} s")
     for column in ("messages", "camera frames", "frames lost", "lost", "CPU", "memory"):
         table.add_column(column, justify="right")
-    for name, row in found.items():
+    for name, row in rows.items():
         table.add_row(
             name,
             *map(str, row[:4]),
