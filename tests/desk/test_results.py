@@ -8,14 +8,15 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from koopman_lab.geometry.planar import Pose
-from koopman_lab.studies.closed_loop import COLUMNS
+from koopman_lab.robots.dynamic import DYNAMIC
+from koopman_lab.studies.closed_loop import columns
 from offboard.desk import results
 from offboard.desk.results import ParkOutcome, Pause, Result
 
 numbers = st.floats(allow_nan=False)
 counts = st.integers(0, 10**6)
 poses = st.builds(Pose, numbers, numbers, numbers)
-rows = st.tuples(*[numbers] * len(COLUMNS))
+rows = st.tuples(*[numbers] * len(columns(DYNAMIC)))
 outcomes = st.builds(
     ParkOutcome,
     final_pose=st.none() | poses,
