@@ -122,21 +122,22 @@ class BasePort(ABC):
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message with the next sequence number of its channel."""
-        name = self.number(channel, message)
+        # As number() does, without a call more on the way of every message.
+        name, numbers = self._publications.get(channel.suffix) or self._open(channel)
+        message.sequence = next(numbers)
         if name in self.audience:
             self.send(name, message.encode())
 
     def number(self, channel: Channel[M], message: M) -> str:
         """Give a message the next number of its channel; return the channel's name on the bus."""
-        publication = self._publications.get(channel.suffix)
-        if publication is None:
-            publication = self._publications[channel.suffix] = (
-                channel.name(self.robot_name),
-                count(),
-            )
-        name, numbers = publication
+        name, numbers = self._publications.get(channel.suffix) or self._open(channel)
         message.sequence = next(numbers)
         return name
+
+    def _open(self, channel: Channel[M]) -> tuple[str, count[int]]:
+        publication = channel.name(self.robot_name), count()
+        self._publications[channel.suffix] = publication
+        return publication
 
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
         """Call ``handler`` with every message of a channel that can be decoded.

@@ -69,10 +69,15 @@ class StreamGuard:
             Time of the bus (us).
         """
         ahead_us, before_us = utime - now_us, self._ahead_us
-        if before_us is not None and not (
-            is_current(ahead_us, before_us, SAME_SENDER_US)
-            or abs(ahead_us) < abs(before_us)
-            or now_us - self._heard_us >= SILENCE_US
+        # Of a steady sender, which most are, nothing is to be judged.
+        if (
+            ahead_us != before_us
+            and before_us is not None
+            and not (
+                is_current(ahead_us, before_us, SAME_SENDER_US)
+                or abs(ahead_us) < abs(before_us)
+                or now_us - self._heard_us >= SILENCE_US
+            )
         ):
             return False
         self._ahead_us, self._heard_us = ahead_us, now_us

@@ -42,8 +42,6 @@ class SimulatedRobot:
         """Register channels and timers."""
         self._port = port
         self._hardware = Hardware(self._config, self.plant, port.now_us())
-        self.advance = self._hardware.advance
-        """Move on to a time (us); return the time at which the robot then is."""
         port.subscribe(channels.FAULT, self._on_fault)
         port.subscribe(channels.MOTOR_CMD, self._on_motor_command)
         port.subscribe(channels.PLANT_RESET, self._on_reset)
@@ -53,13 +51,13 @@ class SimulatedRobot:
     def close(self) -> None:
         """Nothing is held."""
 
-    def coordinates(self) -> PlainPose:
-        """Return the true pose (m, m, rad)."""
-        return self.plant.coordinates
+    def look(self, now_us: int) -> tuple[int, PlainPose, bool]:
+        """Move on to ``now_us`` and return what there is to see for the cameras beside the robot.
 
-    def hidden(self) -> bool:
-        """Return whether somebody stands between the robot and the cameras."""
-        return self._hardware.effects.occluded
+        It is what :class:`onboard.plant.cameras.node.Scene` says.
+        """
+        hardware = self._hardware
+        return hardware.advance(now_us), self.plant.coordinates, hardware.effects.occluded
 
     def _on_motor_command(self, message: lcmtypes.motor_command_t) -> None:
         self._hardware.drive(message.left_duty, message.right_duty, self._port.now_us())

@@ -65,17 +65,10 @@ class Circle:
 
     def __init__(self):
         self.after_tick = []
-        self.angle = 0.0
 
-    def advance(self, now_us):
-        self.angle = math.tau * now_us / (10.0 * US_PER_S)
-        return now_us
-
-    def coordinates(self):
-        return math.cos(self.angle), math.sin(self.angle), 0.0
-
-    def hidden(self):
-        return self.angle > math.tau / 2
+    def look(self, now_us):
+        angle = math.tau * now_us / (10.0 * US_PER_S)
+        return now_us, (math.cos(angle), math.sin(angle), 0.0), angle > math.tau / 2
 
 
 def test_the_cameras_see_whatever_they_look_at():

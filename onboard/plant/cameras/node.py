@@ -21,14 +21,14 @@ class Scene(Protocol):
     after_tick: list[Callable[[int], None]]
     """Called with the time (us) after each tick of the robot's own."""
 
-    def advance(self, now_us: int) -> int:
-        """Move on to ``now_us``; return the time (us) at which the robot then is."""
+    def look(self, now_us: int) -> tuple[int, PlainPose, bool]:
+        """Move on to ``now_us`` and return what there is to see.
 
-    def coordinates(self) -> PlainPose:
-        """Return the true pose (m, m, rad)."""
-
-    def hidden(self) -> bool:
-        """Return whether somebody stands between the robot and the cameras."""
+        Returns
+        -------
+        The time (us) at which the robot then is, its true pose (m, m, rad), and whether somebody
+        stands between it and the cameras.
+        """
 
 
 class SimulatedCameras:
@@ -64,9 +64,8 @@ class SimulatedCameras:
         """Nothing is held."""
 
     def _on_tick(self, tick_us: int) -> None:
-        scene = self._scene
-        utime = scene.advance(tick_us)
-        self._cameras.expose(utime, scene.coordinates(), hidden=scene.hidden())
+        utime, pose, hidden = self._scene.look(tick_us)
+        self._cameras.expose(utime, pose, hidden=hidden)
         self._send_frames(utime)
 
     def _send_frames(self, now_us: int) -> None:

@@ -29,32 +29,23 @@ class WatchedRobot:
         self.after_tick: list[Callable[[int], None]] = []
         """Called with the time (us) of each message."""
         self._truth: lcmtypes.plant_truth_t | None = None
-        self._now_us = 0
 
     def attach(self, port: Port) -> None:
         """Listen to PLANT_TRUTH."""
         port.subscribe(channels.PLANT_TRUTH, self._on_truth)
 
-    def advance(self, now_us: int) -> int:
-        """Look at the robot at ``now_us``, and return that time (us)."""
-        self._now_us = now_us
-        return now_us
+    def look(self, now_us: int) -> tuple[int, PlainPose, bool]:
+        """Return this time (us), the pose (m, m, rad) at it, and whether nothing can be seen.
 
-    def coordinates(self) -> PlainPose:
-        """Return the pose (m, m, rad) at the time last looked at."""
+        That is so while the robot is covered, and while nobody tells of it.
+        """
         truth = self._truth
-        if truth is None:
-            return 0.0, 0.0, 0.0
-        passed_s = (self._now_us - truth.utime) / US_PER_S
-        pose = Pose(truth.x1_m, truth.x2_m, truth.theta_rad)
-        return move_along_arc(pose, truth.v_m_per_s * passed_s, truth.omega_rad_per_s * passed_s)
-
-    def hidden(self) -> bool:
-        """Return whether the cameras cannot see it: it is covered, or nobody tells of it."""
-        truth = self._truth
-        if truth is None or not is_current(truth.utime, self._now_us, OLDEST_TRUTH_US):
-            return True
-        return bool(truth.faults & OCCLUSION)
+        if truth is None or not is_current(truth.utime, now_us, OLDEST_TRUTH_US):
+            return now_us, (0.0, 0.0, 0.0), True
+        passed_s = (now_us - truth.utime) / US_PER_S
+        before = Pose(truth.x1_m, truth.x2_m, truth.theta_rad)
+        pose = move_along_arc(before, truth.v_m_per_s * passed_s, truth.omega_rad_per_s * passed_s)
+        return now_us, pose, bool(truth.faults & OCCLUSION)
 
     def _on_truth(self, truth: lcmtypes.plant_truth_t) -> None:
         self._truth = truth
