@@ -68,6 +68,8 @@ NODES = {
     "slalom": (),
 }
 """What else runs beside them, until Ctrl-C."""
+HARDWARE = {"driver": "plant", "mocap": "mocap"}
+"""What runs in place of the plant, each by itself, and whose heartbeat it has."""
 BENCHES = ("realtime", "logger")
 """These start a lab of their own, one of them with the pacer."""
 DRIVING = ONBOARD_STATUS.type.DRIVING
@@ -120,6 +122,22 @@ def test_motor_loop_and_plant_speak_and_import_nothing_of_the_desk(base, ear, tm
         assert imported - BROUGHT == DIRECT, name
 
 
+def test_motors_and_cameras_run_apart_and_import_nothing_of_the_desk(base, ear, tmp_path):
+    nodes = {}
+    try:
+        for name in HARDWARE:
+            arguments = ("run", name, "--driver", "plant")
+            nodes[name] = base.start(*arguments, cwd=tmp_path, imports=tmp_path / f"{name}.json")
+        pids = {HARDWARE[name]: node.pid for name, node in nodes.items()}
+        assert ear.wait_for(*pids) == pids
+    finally:
+        for node in nodes.values():
+            end(node)
+    for name in nodes:
+        imported = set(json.loads((tmp_path / f"{name}.json").read_text())) - OURS
+        assert imported - BROUGHT == DIRECT, name
+
+
 def end(node):
     """Interrupt a node and expect that it ends in order."""
     if node.poll() is None:
@@ -159,6 +177,7 @@ def test_a_log_is_replayed_and_a_goal_is_asked_for(base, bus_url, tmp_path):
 def test_every_other_command_is_tried_here():
     tried = {words for words, _ in (*ALONE, *BESIDE)} | {f"run {name}" for name in NODES}
     tried |= {f"bench {name}" for name in BENCHES} | {"run pacer", "run plant", "run onboard"}
+    tried |= {f"run {name}" for name in HARDWARE}
     tried |= {"up", "down", "replay", "goal"}
     always = {n for n, c in COMMANDS.items() if any(not x.option for x in needs_of(c.callback))}
     assert tried.isdisjoint(always)
