@@ -11,8 +11,8 @@ import offboard.lab.session_runner
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ConfigError, LabStateError, ModelError
 from koopman_lab.geometry.planar import Pose
-from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.mpc import receding_horizon
+from koopman_lab.predictors import table
 from koopman_lab.predictors.edmd import KoopmanPrediction
 from offboard.cli.main import app
 from offboard.lab.calibration import Calibration
@@ -35,17 +35,17 @@ FIRST_PHASES = {
 def counted(monkeypatch):
     """Count what is expensive: model files read, and solvers made."""
     counts = {"models": 0, "solvers": 0}
-    load, make = BilinearModel.load.__func__, receding_horizon.make_solver
+    read, make = table.read_model_file, receding_horizon.make_solver
 
-    def counted_load(cls, path):
+    def counted_read(path):
         counts["models"] += 1
-        return load(cls, path)
+        return read(path)
 
     def counted_make(*arguments, **options):
         counts["solvers"] += 1
         return make(*arguments, **options)
 
-    monkeypatch.setattr(BilinearModel, "load", classmethod(counted_load))
+    monkeypatch.setattr(table, "read_model_file", counted_read)
     monkeypatch.setattr(receding_horizon, "make_solver", counted_make)
     return counts
 
@@ -91,7 +91,7 @@ def test_what_is_impossible_is_refused_without_a_solver(counted, overrides, goal
 
 
 def loaded():
-    return BilinearModel.load(MODEL)
+    return table.load_model(MODEL)
 
 
 def test_a_model_of_the_other_robot_is_refused_without_a_solver(counted):
