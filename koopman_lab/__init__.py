@@ -1,1 +1,1 @@
-"""The library: no process, no clock, no socket outside ``bus``."""
+"""The library of robot and desk: no program of its own, and no socket outside ``bus``."""

@@ -1,4 +1,4 @@
-"""Files appear whole or not at all, and where the user's cache is."""
+"""Writes files that appear whole or not at all, and names the user's cache folder."""
 
 from __future__ import annotations
 

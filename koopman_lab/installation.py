@@ -1,4 +1,4 @@
-"""What is installed here: the base, which is enough for a robot's board, and which extras.
+"""Which extras of the distribution are installed here, and what installs those that are not.
 
 What an extra brings is said in ``pyproject.toml`` and nowhere else; it is read from the metadata of
 the installed package. Looking imports none of it.
@@ -20,7 +20,7 @@ DISTRIBUTION = "koopman-lab"
 
 def packages(extra: str) -> tuple[str, ...]:
     """Return the distributions that an extra brings, those of the extras it builds on first."""
-    return tuple(dict.fromkeys(_brought(extra)))
+    return tuple(dict.fromkeys(_packages_of(extra)))
 
 
 def missing(extra: str) -> tuple[str, ...]:
@@ -39,14 +39,14 @@ def require(extra: str, what: str) -> None:
     Parameters
     ----------
     extra
-        Its name.
+        The extra's name.
     what
-        Needs it, in words for a person.
+        What needs it, in words for a person.
 
     Raises
     ------
     InstallationError
-        With what is missing, and the command that installs it.
+        If packages are missing; the message names them and the command that installs them.
     """
     absent = missing(extra)
     if absent:
@@ -56,7 +56,7 @@ def require(extra: str, what: str) -> None:
         )
 
 
-def _brought(extra: str) -> Iterator[str]:
+def _packages_of(extra: str) -> Iterator[str]:
     from packaging.requirements import Requirement
 
     for text in requires(DISTRIBUTION) or ():
@@ -65,7 +65,7 @@ def _brought(extra: str) -> Iterator[str]:
             continue
         if requirement.name == DISTRIBUTION:
             for other in sorted(requirement.extras):
-                yield from _brought(other)
+                yield from _packages_of(other)
         else:
             yield requirement.name
 

@@ -1,4 +1,4 @@
-"""Tables of what there is of a sort: own rows, and those that other packages add.
+"""Tables of robots, nodes, costs and the like: built-in rows, and those that packages add.
 
 A package of a stranger adds a row through a Python entry point: its group names the table
 (``koopman_lab.robots``), its name the row, its value the object ``module:attribute``. Names are
@@ -25,14 +25,14 @@ NAME = re.compile(r"[a-z][a-z0-9_]{0,29}")
 
 
 class Registry(Generic[T]):
-    """One table.
+    """One table of rows by their names.
 
     Parameters
     ----------
     noun
         What a row is, in words for a person, such as ``robot``.
     group
-        Of the entry points by which others add rows.
+        The group of entry points by which other packages add rows.
     row_type
         What every row is an instance of; it has a ``name``.
     builtin
@@ -49,22 +49,25 @@ class Registry(Generic[T]):
         self._rows: dict[str, T] = {}
         self._registered: dict[str, T] = {}
 
-    def own_names(self) -> tuple[str, ...]:
-        """Return the names of our own rows, without a look at other packages."""
+    def builtin_names(self) -> tuple[str, ...]:
+        """Return the names of the built-in rows, without a look at other packages."""
         return tuple(self._builtin)
 
-    def others(self) -> tuple[str, ...]:
+    def plugin_names(self) -> tuple[str, ...]:
         """Return the names of the rows that others add, without importing one."""
         names = {point.name for point in _entry_points(self.group)} | self._registered.keys()
         return tuple(sorted(name for name in names if NAME.fullmatch(name)))
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all rows, our own first, without importing one."""
-        return (*self._builtin, *(name for name in self.others() if name not in self._builtin))
+        return (
+            *self._builtin,
+            *(name for name in self.plugin_names() if name not in self._builtin),
+        )
 
     def __contains__(self, name: object) -> bool:
         """Return whether there is a row of a name, usable or not."""
-        return name in self._builtin or name in self.others()
+        return name in self._builtin or name in self.plugin_names()
 
     def __iter__(self) -> Iterator[T]:
         """Return the rows that can be used; :meth:`faults` says what is wrong with the others."""
@@ -89,11 +92,11 @@ class Registry(Generic[T]):
             row = self._rows[name] = self._load(name)
         return row
 
-    def own(self, name: str) -> T | None:
-        """Return our own row of a name, whatever others add; None if it is none of ours."""
+    def builtin_row(self, name: str) -> T | None:
+        """Return the built-in row of a name, whatever others add; None if there is none."""
         row = self._builtin.get(name)
         if isinstance(row, str):
-            return self._checked(name, resolve_name(row), row)
+            return self._of_row_type(name, resolve_name(row), row)
         return row
 
     def load(self, name: str, target: Any) -> Any:
@@ -116,14 +119,14 @@ class Registry(Generic[T]):
     def package(self, name: str) -> str | None:
         """Return the name of the package that adds a row; None for our own."""
         points = [point for point in _entry_points(self.group) if point.name == name]
-        return None if name in self._builtin or not points else _package(points[0])
+        return None if name in self._builtin or not points else _package_name(points[0])
 
     def origin(self, name: str) -> str:
         """Return in words which row it is, and of which package."""
         points = [point for point in _entry_points(self.group) if point.name == name]
         if name in self._builtin or not points:
             return f"{self.noun} {name!r}"
-        return f"{self.noun} {name!r} of the package {' and '.join(map(_package, points))}"
+        return f"{self.noun} {name!r} of the package {' and '.join(map(_package_name, points))}"
 
     def register(self, name: str, row: T) -> None:
         """Add a row for this process, as a script or a notebook does.
@@ -137,7 +140,7 @@ class Registry(Generic[T]):
             raise ConfigError(f"{self.noun} {name!r} is there already; choose another name")
         self._rows[name] = self._registered[name] = row
 
-    def forget(self, name: str) -> None:
+    def unregister(self, name: str) -> None:
         """Take out a row that :meth:`register` added."""
         self._registered.pop(name, None)
         self._rows.pop(name, None)
@@ -156,18 +159,18 @@ class Registry(Generic[T]):
 
     def _load(self, name: str) -> T:
         points = [point for point in _entry_points(self.group) if point.name == name]
-        own = name in self._builtin
-        providers = [*([DISTRIBUTION] if own else []), *map(_package, points)]
+        is_builtin = name in self._builtin
+        providers = [*([DISTRIBUTION] if is_builtin else []), *map(_package_name, points)]
         if len(providers) > 1:
             raise PluginError(
                 f"{self.noun} {name!r} is in {' and in '.join(providers)}; uninstall all but one, "
                 "or ask their authors for another name"
             )
-        row = self.own(name)
+        row = self.builtin_row(name)
         if row is not None:
             return row
         if not points:
-            raise ConfigError(unknown(self.noun, name, self.names()))
+            raise ConfigError(unknown_name(self.noun, name, self.names()))
         (point,) = points
         where = self.origin(name)
         if not NAME.fullmatch(name):
@@ -180,24 +183,24 @@ class Registry(Generic[T]):
             loaded = point.load()
         except (Exception, SystemExit) as error:  # whatever a stranger's module does on import
             raise PluginError(_not_loaded(where, point.value, error)) from error
-        return self._checked(name, loaded, f"{where} ({point.value})")
+        return self._of_row_type(name, loaded, f"{where} ({point.value})")
 
-    def _checked(self, name: str, row: object, where: str) -> T:
+    def _of_row_type(self, name: str, row: object, where: str) -> T:
         if not isinstance(row, self._row_type):
             raise PluginError(
                 f"{where} is of type {type(row).__name__}, expected {self._row_type.__name__}; "
                 "mend or uninstall it"
             )
-        says = getattr(row, "name", name)
-        if says != name:
-            raise PluginError(f"{where} calls itself {says!r}; mend or uninstall it")
+        stated_name = getattr(row, "name", name)
+        if stated_name != name:
+            raise PluginError(f"{where} calls itself {stated_name!r}; mend or uninstall it")
         return row
 
 
-def unknown(noun: str, name: str, names: Sequence[str]) -> str:
+def unknown_name(noun: str, name: str, names: Sequence[str]) -> str:
     """Return what to say of a name that is none of these."""
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f"; did you mean {near[0]}?" if near else ""
+    similar = difflib.get_close_matches(name, names, n=1)
+    hint = f"; did you mean {similar[0]}?" if similar else ""
     return f"unknown {noun} {name!r}, known: {', '.join(names) or 'none'}{hint}"
 
 
@@ -217,19 +220,19 @@ def _require_version(point: EntryPoint, where: str) -> None:
             requirement = Requirement(text)
         except InvalidRequirement:
             continue
-        here, marker = version(DISTRIBUTION), requirement.marker
+        installed, marker = version(DISTRIBUTION), requirement.marker
         if canonicalize_name(requirement.name) != DISTRIBUTION or (
             marker and not marker.evaluate()
         ):
             continue
-        if not requirement.specifier.contains(here, prereleases=True):
+        if not requirement.specifier.contains(installed, prereleases=True):
             raise PluginError(
-                f"{where} is for {DISTRIBUTION}{requirement.specifier}, this is {here}; install a "
-                "version of the package that fits"
+                f"{where} is for {DISTRIBUTION}{requirement.specifier}, this is {installed}; "
+                "install a version of the package that fits"
             )
 
 
-def _package(point: EntryPoint) -> str:
+def _package_name(point: EntryPoint) -> str:
     distribution: Distribution | None = point.dist
     return distribution.metadata["Name"] if distribution else "of an unknown name"
 

@@ -1,4 +1,4 @@
-"""Between the wire and the inside: times are int64 microseconds, counters wrap at 32 bit."""
+"""Units of what messages hold: times are int64 microseconds, encoder counters wrap at 32 bit."""
 
 US_PER_S = 1_000_000
 PPM = 1e-6

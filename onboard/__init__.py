@@ -1,1 +1,1 @@
-"""The robot's side of the radio: motor loop, and the plant that stands in for hardware."""
+"""Programs of the robot's side of the radio: the motor loop, and the plant in hardware's place."""

@@ -1,4 +1,4 @@
-"""Ties the time sync to the bus."""
+"""Ties the board's time sync to the bus: pings the desk, and maps times between both clocks."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class DeskTime:
 
     def _on_pong(self, pong: lcmtypes.time_pong_t) -> None:
         now_us, sync = self._port.now_us(), self._sync
-        taken = sync.take(Exchange(pong.ping_utime, pong.received_utime, pong.utime, now_us))
+        is_accepted = sync.add(Exchange(pong.ping_utime, pong.received_utime, pong.utime, now_us))
         error_us = sync.error_us(now_us)
-        if not taken or error_us is None:
+        if not is_accepted or error_us is None:
             return
         message = lcmtypes.time_sync_t()
         message.utime = sync.to_desk(now_us)

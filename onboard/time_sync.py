@@ -1,4 +1,4 @@
-"""How the board's clock stands to the desk's, from pings and their answers."""
+"""Estimates offset and drift of the board's clock against the desk's, from pings and answers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ READING_ERROR_US = 2.0
 """Clocks are read in whole microseconds, twice on each side."""
 
 SLOTS = 100
-"""Of the window."""
+"""Number of slots of the window; each keeps its best sample."""
 
 
 class Exchange(NamedTuple):
@@ -80,8 +80,8 @@ class TimeSync:
         """Return the smallest round trip in the window (us)."""
         return min((s.round_trip_us for s in self._samples), default=0)
 
-    def take(self, exchange: Exchange) -> bool:
-        """Take an exchange; return whether it tells anything."""
+    def add(self, exchange: Exchange) -> bool:
+        """Take in an exchange; return whether it tells anything."""
         sent, received, answered, arrived = exchange
         round_trip = (arrived - sent) - (answered - received)
         if not 0 <= arrived - sent <= LONGEST_ROUND_TRIP_US or answered < received:

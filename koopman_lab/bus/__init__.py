@@ -1,1 +1,1 @@
-"""Channels, nodes, and the two runners."""
+"""The bus between processes: channels, nodes, and the runners in real time and in lockstep."""

@@ -1,4 +1,4 @@
-"""How old a message is, judged in one function."""
+"""Whether a message is of now, by its stamp: the one judgement of age."""
 
 from __future__ import annotations
 

@@ -1,15 +1,15 @@
-"""The one table of channels; nobody else spells a channel."""
+"""The one table of LCM channels: what each carries, and who publishes it how often."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import lcmtypes
+from koopman_lab.bus.channel import COMMANDER, Channel
 from koopman_lab.bus.processes import PROCESSES, process
-from koopman_lab.bus.replay_guard import Replayed
 from koopman_lab.errors import BusError, PluginError
 from koopman_lab.robots.command_message import CommandMessage
 from koopman_lab.robots.dynamic import DYNAMIC
@@ -18,101 +18,10 @@ from koopman_lab.robots.robot_type import RobotType
 from koopman_lab.robots.table import ROBOTS
 
 if TYPE_CHECKING:
-    from koopman_lab.config.schema import LabConfig
+    pass
 
 
-class Message(Protocol):
-    """What every generated LCM type of this project offers."""
-
-    utime: int
-    sequence: int
-
-    def encode(self) -> bytes:
-        """Return the wire form: fingerprint, then the fields in big-endian order."""
-
-    @staticmethod
-    def decode(data: bytes) -> Any:
-        """Return the message; ValueError or struct.error if ``data`` is none of this type."""
-
-
-M = TypeVar("M", bound=Message)
-
-Rate = Literal[
-    "mocap", "motor", "wheel_state", "status", "control", "heartbeat", "info", "ping", "event"
-]
-COMMANDER = "commander"
-"""Whichever node commands the robot: they all speak on the same channels, one at a time."""
-
-OPERATOR = "operator"
-"""A person."""
-
-SUPERVISOR = "supervisor"
-"""Each command that has started processes."""
-
-INFO_RATE_HZ = 1.0
-"""What a log needs to explain itself is four kilobytes; once a second is soon enough."""
-
-ABOARD = "onboard"
-"""The node on the robot's board: between it and all others lie the radio and a second clock."""
-
-
-@dataclass(frozen=True)
-class Channel(Generic[M]):
-    """One row of the table.
-
-    Attributes
-    ----------
-    suffix
-        Its name behind that of the robot.
-    type
-        Of its messages, from lcm-gen.
-    rate
-        How often it speaks: as a part of the configuration says, in Hz, or only on events.
-    publisher
-        The node that speaks on it, :data:`COMMANDER`, :data:`OPERATOR` or :data:`SUPERVISOR`.
-    logged
-        Whether the logger writes it down.
-    wired
-        Never crosses the radio: the board's own hardware, or what goes wrong with the radio.
-    replayed
-        What keeps a log that is sent again off those who act on the channel.
-    """
-
-    suffix: str
-    type: type[M]
-    rate: Rate | float
-    publisher: str
-    logged: bool = True
-    wired: bool = False
-    replayed: Replayed = "passes"
-
-    def name(self, robot_name: str) -> str:
-        """Return the channel name on the bus, for example ``R1_MOCAP_POSE``."""
-        return f"{robot_name}_{self.suffix}"
-
-    @property
-    def is_command(self) -> bool:
-        """Return whether it carries inputs to a robot, whatever its kind."""
-        return self.rate == "control" and self.publisher == COMMANDER
-
-    def rate_hz(self, config: LabConfig) -> float | None:
-        """Return the nominal rate, or None for a channel that speaks only on events."""
-        if isinstance(self.rate, (int, float)):
-            return self.rate
-        return {
-            "mocap": config.mocap.rate_hz,
-            "motor": config.motor_loop.rate_hz,
-            "wheel_state": config.motor_loop.wheel_state_rate_hz,
-            "status": config.motor_loop.status_rate_hz,
-            "control": 1.0 / config.controller.dt_s,
-            "heartbeat": config.bus.heartbeat_rate_hz,
-            "info": INFO_RATE_HZ,
-            "ping": config.clock.ping_rate_hz,
-            "event": None,
-        }[self.rate]
-
-
-def _carrying(command: CommandMessage) -> Channel[Any]:
+def _command_channel_of(command: CommandMessage) -> Channel[Any]:
     return Channel(command.suffix, command.type, "control", COMMANDER)
 
 
@@ -123,8 +32,8 @@ MOTOR_CMD = Channel(
 )
 WHEEL_STATE = Channel("WHEEL_STATE", lcmtypes.wheel_state_t, "wheel_state", "onboard")
 ONBOARD_STATUS = Channel("ONBOARD_STATUS", lcmtypes.onboard_status_t, "status", "onboard")
-VELOCITY_CMD = _carrying(KINEMATIC.commanded())
-ACCELERATION_CMD = _carrying(DYNAMIC.commanded())
+VELOCITY_CMD = _command_channel_of(KINEMATIC.commanded())
+ACCELERATION_CMD = _command_channel_of(DYNAMIC.commanded())
 ESTOP = Channel("ESTOP", lcmtypes.estop_t, "event", "operator")
 PLANT_RESET = Channel("PLANT_RESET", lcmtypes.plant_reset_t, "event", "operator", replayed="order")
 GOAL = Channel("GOAL", lcmtypes.goal_t, "event", "operator")
@@ -143,31 +52,31 @@ PROCESS = Channel("PROCESS", lcmtypes.process_t, "event", "supervisor", logged=F
 
 
 class _Heartbeats(Mapping[str, Channel[lcmtypes.node_status_t]]):
-    """By node: all nodes have one, also those that other packages add."""
+    """Maps a node's name to its heartbeat channel, also of nodes that other packages add."""
 
     def __init__(self) -> None:
-        rows = filter(None, map(PROCESSES.own, PROCESSES.own_names()))
-        self._own = {row.name: _heartbeat(row.name) for row in rows if row.factory}
+        rows = filter(None, map(PROCESSES.builtin_row, PROCESSES.builtin_names()))
+        self._builtin = {row.name: _heartbeat(row.name) for row in rows if row.factory}
 
     def __getitem__(self, node: str) -> Channel[lcmtypes.node_status_t]:
-        own = self._own.get(node)
-        if own is None and (node in PROCESSES.own_names() or node not in PROCESSES):
+        channel = self._builtin.get(node)
+        if channel is None and (node in PROCESSES.builtin_names() or node not in PROCESSES):
             raise KeyError(node)
-        return own or _heartbeat(node)
+        return channel or _heartbeat(node)
 
     def __iter__(self) -> Iterator[str]:
-        return iter((*self._own, *self.others()))
+        return iter((*self._builtin, *self.plugin_nodes()))
 
     def __len__(self) -> int:
-        return len(self._own) + len(self.others())
+        return len(self._builtin) + len(self.plugin_nodes())
 
-    def own(self) -> list[Channel[lcmtypes.node_status_t]]:
+    def builtin(self) -> list[Channel[lcmtypes.node_status_t]]:
         """Return those of our own nodes."""
-        return list(self._own.values())
+        return list(self._builtin.values())
 
-    def others(self) -> list[str]:
+    def plugin_nodes(self) -> list[str]:
         """Return the nodes that other packages add."""
-        return [name for name in PROCESSES.names() if name not in PROCESSES.own_names()]
+        return [name for name in PROCESSES.names() if name not in PROCESSES.builtin_names()]
 
 
 def _heartbeat(node: str) -> Channel[lcmtypes.node_status_t]:
@@ -198,9 +107,9 @@ CHANNELS: tuple[Channel[Any], ...] = (
     TIME_SYNC,
     SESSION_INFO,
     PROCESS,
-    *HEARTBEATS.own(),
+    *HEARTBEATS.builtin(),
 )
-"""Our own; :func:`all_channels` has those of other packages as well."""
+"""The channels of our own; :func:`all_channels` has those of other packages as well."""
 
 
 def all_channels() -> tuple[Channel[Any], ...]:
@@ -209,17 +118,17 @@ def all_channels() -> tuple[Channel[Any], ...]:
     What :func:`channel_faults` names is left out, and what :func:`command_channel` refuses.
     """
     channels = {channel.suffix: channel for channel in CHANNELS}
-    for channel in (*_of_other_nodes(), *_of_robots()):
+    for channel in (*_plugin_channels(), *_robot_command_channels()):
         channels.setdefault(channel.suffix, channel)
     return tuple(channels.values())
 
 
 def channel_faults() -> dict[str, str]:
     """Return by node of other packages what is wrong with its channels."""
-    taken = {channel.suffix: channel.publisher for channel in CHANNELS}
+    publishers = {channel.suffix: channel.publisher for channel in CHANNELS}
     faults = {}
-    for channel in _of_other_nodes():
-        owner = taken.setdefault(channel.suffix, channel.publisher)
+    for channel in _plugin_channels():
+        owner = publishers.setdefault(channel.suffix, channel.publisher)
         if owner != channel.publisher:
             faults[channel.publisher] = (
                 f"{PROCESSES.origin(channel.publisher)}: its channel {channel.suffix} is that of "
@@ -228,19 +137,19 @@ def channel_faults() -> dict[str, str]:
     return faults
 
 
-def _of_other_nodes() -> Iterator[Channel[Any]]:
+def _plugin_channels() -> Iterator[Channel[Any]]:
     """Give the channels of nodes that other packages add."""
-    for node in HEARTBEATS.others():
+    for node in HEARTBEATS.plugin_nodes():
         yield HEARTBEATS[node]
         for channel in process(node).channels:
             yield replace(channel, publisher=node)
 
 
-def _of_robots() -> Iterator[Channel[Any]]:
+def _robot_command_channels() -> Iterator[Channel[Any]]:
     """Give the channels that kinds of robots are commanded on."""
     for robot in ROBOTS:
         if robot.command is not None:
-            yield _carrying(robot.command)
+            yield _command_channel_of(robot.command)
 
 
 def command_channel(robot: RobotType) -> Channel[Any]:
@@ -261,7 +170,7 @@ def command_channel(robot: RobotType) -> Channel[Any]:
                 f"{channel.type.__name__} already, not {command.type.__name__}; its description "
                 "needs another suffix"
             )
-    return _carrying(command)
+    return _command_channel_of(command)
 
 
 def wheel_command_channels() -> tuple[Channel[Any], ...]:
@@ -285,14 +194,14 @@ def split_name(name: str) -> tuple[str, Channel[Any]]:
         return split
     raise BusError(
         f"channel {name!r} is not of this lab; names are ROBOT_SUFFIX with one of: "
-        f"{_listing(all_channels())}"
+        f"{_suffixes(all_channels())}"
     )
 
 
 def _split(name: str, table: Iterable[Channel[Any]]) -> tuple[str, Channel[Any]] | None:
     for channel in table:
-        robot_name, joint, rest = name.rpartition(f"_{channel.suffix}")
-        if joint and not rest and robot_name:
+        robot_name, separator, rest = name.rpartition(f"_{channel.suffix}")
+        if separator and not rest and robot_name:
             return robot_name, channel
     return None
 
@@ -309,5 +218,5 @@ def robots_of(names: Iterable[str]) -> list[str]:
     return sorted(robots)
 
 
-def _listing(channels: Iterable[Channel[Any]]) -> str:
+def _suffixes(channels: Iterable[Channel[Any]]) -> str:
     return ", ".join(c.suffix for c in channels)

@@ -6,12 +6,12 @@ robot could in rare cases have processes of the same number; roles still differ.
 
 from __future__ import annotations
 
-from koopman_lab.bus.channels import OPERATOR
+from koopman_lab.bus.channel import OPERATOR
 from koopman_lab.bus.processes import MOST_ROLES, OPERATOR_ROLE, in_stop_order, process
 from koopman_lab.errors import ConfigError
 
 NOBODY = 0
-"""In place of a commander's number: the robot is free."""
+"""Stands for no commander: the robot is free."""
 
 
 def commander_number(node: str, process_number: int) -> int:

@@ -32,7 +32,7 @@ from koopman_lab.registry import Registry
 
 @dataclass(frozen=True)
 class Hardware:
-    """One row.
+    """One driver or camera bridge.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ DRIVERS: Registry[Hardware] = Registry(
     "driver",
     "koopman_lab.drivers",
     Hardware,
-    {"plant": Hardware("plant", "onboard.plant.robot:SimulatedRobot", "plant")},
+    {"plant": Hardware("plant", "onboard.plant.simulated_robot:SimulatedRobot", "plant")},
 )
 CAMERAS: Registry[Hardware] = Registry(
     "camera bridge",

@@ -1,4 +1,4 @@
-"""What every message begins with, read without decoding the rest, and only where it is one."""
+"""The time and the number with which every LCM message begins, read without decoding the rest."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def _header_reader(message_type: Any) -> HeaderReader:
     fingerprint: bytes = message_type._get_packed_fingerprint()
     smallest, unpack = smallest_size(message_type), _HEADER.unpack_from
 
-    def read(data: bytes) -> tuple[int, int] | None:
+    def read_in_place(data: bytes) -> tuple[int, int] | None:
         if data[:_FINGERPRINT_BYTES] != fingerprint or len(data) < smallest:
             return None
         return unpack(data)
 
-    def read_rotated_log(data: bytes) -> tuple[int, int] | None:
+    def read_by_decoding(data: bytes) -> tuple[int, int] | None:
         if len(data) < smallest:
             return None
         try:
@@ -37,7 +37,7 @@ def _header_reader(message_type: Any) -> HeaderReader:
             return None
         return message.utime, message.sequence
 
-    return read if _has_fixed_size(message_type) else read_rotated_log
+    return read_in_place if _has_fixed_size(message_type) else read_by_decoding
 
 
 header_reader: Callable[[Any], HeaderReader] = cache(_header_reader)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from itertools import count
 from typing import Any
 
-from koopman_lab.bus.channels import Channel, M
+from koopman_lab.bus.channel import Channel, M
 from koopman_lab.bus.node import Node
 from koopman_lab.bus.port import BasePort, Wrap
 from koopman_lab.bus.subscription import Deliver
@@ -52,9 +52,9 @@ class LockstepPort(BasePort):
             for order, receive in listeners:
                 push(now_us, order, receive, data)
 
-    def later(self, at_us: int, take: Deliver, data: bytes) -> None:
+    def deliver_at(self, at_us: int, deliver: Deliver, data: bytes) -> None:
         """Hand over a message at ``at_us`` among this node's others."""
-        self._runner.push(at_us, self._order, take, data)
+        self._runner.push(at_us, self._order, deliver, data)
 
 
 class Lockstep:
@@ -82,7 +82,7 @@ class Lockstep:
         self._nodes: list[Node] = []
         self._ports: list[LockstepPort] = []
         self.routes: dict[str, list[tuple[int, Deliver]]] = {}
-        """By channel name: the order of each node that listens, and what hands it a message."""
+        """Maps a channel's name to its listeners: a node's order, and what hands it messages."""
         # Apart, because most messages come at once, past all the timers that wait.
         self._messages: list[tuple[int, int, int, Any, bytes]] = []
         self._timers: list[tuple[int, int, int, Any]] = []
@@ -105,15 +105,15 @@ class Lockstep:
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message as if somebody outside the nodes had sent it now."""
-        self._outsider().publish(channel, message)
+        self._injection_port().publish(channel, message)
 
     def send(self, name: str, data: bytes) -> None:
         """Send bytes as if somebody outside the nodes had sent them now."""
-        self._outsider().send(name, data)
+        self._injection_port().send(name, data)
 
-    def push(self, at_us: int, order: int, take: Deliver, data: bytes) -> None:
+    def push(self, at_us: int, order: int, deliver: Deliver, data: bytes) -> None:
         """Hand a message over at ``at_us``, among the others of one node."""
-        item = (at_us, 2 * order + MESSAGE, next(self._sequence), take, data)
+        item = (at_us, 2 * order + MESSAGE, next(self._sequence), deliver, data)
         heapq.heappush(self._messages, item)
 
     def run(
@@ -143,17 +143,17 @@ class Lockstep:
         pop, replace = heapq.heappop, heapq.heapreplace
         # Every node has a timer, its heartbeat; so there is one as soon as there is a node.
         while timers:
-            by_message = messages and messages[0] < timers[0]
-            time_us = messages[0][0] if by_message else timers[0][0]
+            is_message = messages and messages[0] < timers[0]
+            time_us = messages[0][0] if is_message else timers[0][0]
             if time_us > self.now_us:
                 if time_us > end_us:
                     break
                 if self.finished:
                     return True
                 self.now_us = time_us
-            if by_message:
-                _, _, _, take, data = pop(messages)
-                take(data, time_us)
+            if is_message:
+                _, _, _, deliver, data = pop(messages)
+                deliver(data, time_us)
             else:
                 _, rank, _, timer = timers[0]
                 timer.fire_in_time()
@@ -172,7 +172,7 @@ class Lockstep:
         for node in reversed(self._nodes):
             node.close()
 
-    def _outsider(self) -> LockstepPort:
+    def _injection_port(self) -> LockstepPort:
         if self._injector is None:
             self._injector = LockstepPort("", self._config, self, order=0)
         return self._injector

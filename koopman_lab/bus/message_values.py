@@ -1,4 +1,4 @@
-"""Messages as plain values, for JSON and tables."""
+"""The fields of LCM messages as plain values, for JSON and tables."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 
-def plain(message: Any) -> dict[str, Any]:
+def plain_values(message: Any) -> dict[str, Any]:
     """Return the fields of a message as JSON can hold them; what is no number becomes None."""
     return {name: _value(getattr(message, name)) for name in message.__slots__}
 
@@ -18,11 +18,11 @@ def padded(values: Iterable[float], length: int) -> list[float]:
     return numbers + [0.0] * (length - len(numbers))
 
 
-def flat(values: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+def flat_columns(values: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     """Return the fields that :func:`plain` gave as columns; those of a list are ``name[k]``."""
     for name, value in values.items():
         if isinstance(value, list):
-            yield from flat({f"{name}[{k}]": item for k, item in enumerate(value)})
+            yield from flat_columns({f"{name}[{k}]": item for k, item in enumerate(value)})
         else:
             yield name, value
 
@@ -38,7 +38,7 @@ def json_schema(message_type: Any) -> dict[str, Any]:
     return {
         "title": message_type.__name__,
         "type": "object",
-        "properties": {name: _schema(kind, shape) for name, kind, shape in table},
+        "properties": {name: _schema(type_name, shape) for name, type_name, shape in table},
     }
 
 
@@ -50,8 +50,8 @@ def _value(value: Any) -> Any:
     return value
 
 
-def _schema(kind: str, shape: list[Any] | None) -> dict[str, Any]:
+def _schema(type_name: str, shape: list[Any] | None) -> dict[str, Any]:
     if shape:
-        return {"type": "array", "items": _schema(kind, shape[1:])}
+        return {"type": "array", "items": _schema(type_name, shape[1:])}
     names = {"string": "string", "boolean": "boolean", "double": "number", "float": "number"}
-    return {"type": names.get(kind, "integer")}
+    return {"type": names.get(type_name, "integer")}

@@ -32,7 +32,7 @@ def open_lcm(config: LabConfig) -> lcm.LCM:
     """
     url = bus_url(config)
     try:
-        with _quiet():
+        with _without_stderr():
             return lcm.LCM(url)
     except (RuntimeError, ValueError, OSError):
         raise BusError(
@@ -54,16 +54,16 @@ def route_remedy(url: str) -> str:
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
+def _without_stderr() -> Iterator[None]:
     """Keep LCM's C library from writing a page of its own to standard error."""
-    saved, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
+    saved, devnull = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(devnull, 2)
     try:
         yield
     finally:
         os.dup2(saved, 2)
         os.close(saved)
-        os.close(nowhere)
+        os.close(devnull)
 
 
 def subscribe(bus: lcm.LCM, name: str, handler: Callable[[str, bytes], None]) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from koopman_lab.bus.channels import Channel, M
+from koopman_lab.bus.channel import Channel, M
 
 RawHandler = Callable[[str, bytes, int], None]
 """Called with the channel's full name, the bytes, and the time of arrival in us."""

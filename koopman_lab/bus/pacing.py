@@ -1,4 +1,4 @@
-"""How regularly a node ticked in real time."""
+"""How regularly a node ticked in real time: periods, missed ticks, and the file of tick times."""
 
 from __future__ import annotations
 

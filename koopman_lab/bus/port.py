@@ -1,4 +1,4 @@
-"""What both runners share: handlers, timers, sequence numbers, loss counts, heartbeats."""
+"""A node's side of the bus, as far as both runners share it: handlers, timers, heartbeats."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from functools import partial
 from itertools import count
 
 import lcmtypes
-from koopman_lab.bus.channels import HEARTBEATS, Channel, M
+from koopman_lab.bus.channel import Channel, M
+from koopman_lab.bus.channels import HEARTBEATS
 from koopman_lab.bus.node import Node, Port, RawHandler, Tick
 from koopman_lab.bus.replay_guard import guard_of
 from koopman_lab.bus.subscription import Deliver, Subscription
@@ -34,7 +35,7 @@ class Timer:
         self.missed = 0
 
     @property
-    def run(self) -> int:
+    def ticks_run(self) -> int:
         """Return how many ticks have been run."""
         return self._index - self.missed
 
@@ -46,9 +47,9 @@ class Timer:
         """
         late_us = now_us - self.deadline_us
         if late_us >= self._period_us:
-            behind = int(late_us / self._period_us)
-            self.missed += behind
-            self._index += behind
+            skipped = int(late_us / self._period_us)
+            self.missed += skipped
+            self._index += skipped
             self.deadline_us = self._start_us + round(self._index * self._period_us)
             late_us = now_us - self.deadline_us
         self.fire_in_time()
@@ -61,8 +62,8 @@ class Timer:
         self.deadline_us = self._start_us + round(index * self._period_us)
 
 
-class Anything:
-    """Contains whatever is asked for."""
+class AnyName:
+    """Contains every channel name."""
 
     def __contains__(self, _: object) -> bool:
         """Return True."""
@@ -73,26 +74,26 @@ class BasePort(ABC):
     """The part of :class:`koopman_lab.bus.node.Port` that does not depend on the runner.
 
     What is simulated between a node and the bus is a port wrapped around this one
-    (:mod:`koopman_lab.emulation`). Besides a node's methods it uses :meth:`bus_us`, :meth:`later`,
-    :meth:`number` and :meth:`send` to publish in its own way, and :meth:`subscription` to put
-    something between the bus and a handler.
+    (:mod:`koopman_lab.emulation`). Besides a node's methods it uses :meth:`bus_us`,
+    :meth:`deliver_at`, :meth:`number` and :meth:`send` to publish in its own way, and
+    :meth:`subscription` to put something between the bus and a handler.
     """
 
     virtual: bool
-    audience: Container[str] = Anything()
+    audience: Container[str] = AnyName()
     """The channels on the bus that somebody may listen to."""
 
     def __init__(self, node_name: str, config: LabConfig, process: int) -> None:
         self.robot_name = config.robot.name
         self.subscriptions: dict[str, Subscription] = {}
-        """By channel name."""
+        """What the node listens to, by channel name."""
         self.timers: list[Timer] = []
         self.finished = False
         self.worst_lateness_us = 0
         self._node_name = node_name
         self.process = process
         self._publications: dict[str, tuple[str, count[int]]] = {}
-        """By suffix: the channel's name, and the numbers of the messages to come."""
+        """Maps a suffix to the channel's name and the numbers of the messages to come."""
         self._heartbeat_rate_hz = config.bus.heartbeat_rate_hz
 
     @abstractmethod
@@ -108,7 +109,7 @@ class BasePort(ABC):
         """Put an encoded message on the bus."""
 
     @abstractmethod
-    def later(self, at_us: int, take: Deliver, data: bytes) -> None:
+    def deliver_at(self, at_us: int, deliver: Deliver, data: bytes) -> None:
         """Hand over a message at ``at_us`` or, in real time, as soon after as it can."""
 
     def attach(self, node: Node, wrap: Wrap | None = None) -> None:
@@ -183,7 +184,7 @@ class BasePort(ABC):
 
     def ticks(self) -> tuple[int, int]:
         """Return ``(run, missed)`` over all timers."""
-        return sum(t.run for t in self.timers), sum(t.missed for t in self.timers)
+        return sum(t.ticks_run for t in self.timers), sum(t.missed for t in self.timers)
 
     def _heartbeat(self, port: Port, now_us: int) -> None:
         channel = HEARTBEATS.get(self._node_name)

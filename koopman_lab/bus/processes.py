@@ -29,14 +29,14 @@ from koopman_lab.errors import PluginError
 from koopman_lab.registry import Registry
 
 if TYPE_CHECKING:
-    from koopman_lab.bus.channels import Channel
+    from koopman_lab.bus.channel import Channel
 
-_ROLE = lcmtypes.velocity_command_t
-OPERATOR_ROLE: int = _ROLE.OPERATOR
+_ROLES = lcmtypes.velocity_command_t
+OPERATOR_ROLE: int = _ROLES.OPERATOR
 MOST_ROLES = 8
-"""Numbers of roles are smaller."""
+"""Roles are numbers from 1 to below this."""
 PRIORITY = 10
-"""Among real-time processes: the faster loop goes first, all before ordinary processes."""
+"""Default priority among real-time processes: the faster loop has a higher one."""
 
 
 class Stop(IntEnum):
@@ -65,7 +65,7 @@ class Process:
     Attributes
     ----------
     name
-        Of the node, as in ``klab run NAME``.
+        What the node is called, as in ``klab run NAME``.
     factory
         Returns the node; called with the configuration and, for our own nodes, what else their
         command is given. A callable, or where it is, as ``module:attribute``; empty for a process
@@ -80,15 +80,15 @@ class Process:
         A node that commands the robot has one: the number by which the motor loop knows it
         (`koopman_lab.bus.commanders`). 5 to 7 are for nodes that others add.
     priority
-        Of its process, where the system lets us choose.
+        Real-time priority of its process, where the system lets us choose.
     hidden
         Whether `klab run --help` leaves it out.
     rebuild
         Returns the node as it was for a recorded session, for `klab rerun`: takes configuration,
         session and model file. Empty for a node that cannot be run again.
     channels
-        That only this node speaks on, besides its heartbeat; ours are in `koopman_lab.bus.channels`
-        instead.
+        Channels that only this node publishes, besides its heartbeat; those of our own nodes are in
+        `koopman_lab.bus.channels` instead.
 
     Raises
     ------
@@ -126,7 +126,7 @@ _ROWS = (
         needs=("onboard", "logger"),
         stopped_by="itself when done, or `klab calibrate`",
         stops=Stop.COMMANDER,
-        role=_ROLE.SAMPLER,
+        role=_ROLES.SAMPLER,
         rebuild="offboard.lab.rebuild:sampler",
     ),
     Process(
@@ -135,7 +135,7 @@ _ROWS = (
         needs=("onboard", "logger"),
         stopped_by="itself when done, or `klab park`",
         stops=Stop.COMMANDER,
-        role=_ROLE.CONTROLLER,
+        role=_ROLES.CONTROLLER,
         rebuild="offboard.lab.rebuild:controller",
     ),
     Process(
@@ -144,7 +144,7 @@ _ROWS = (
         needs=("onboard", "logger"),
         stopped_by="itself when done, or `klab reference`",
         stops=Stop.COMMANDER,
-        role=_ROLE.REFERENCE,
+        role=_ROLES.REFERENCE,
         rebuild="offboard.lab.rebuild:reference",
     ),
     Process(
@@ -196,7 +196,7 @@ def process(name: str) -> Process:
         If there is no such process.
     """
     try:
-        return PROCESSES.own(name) or PROCESSES.get(name)
+        return PROCESSES.builtin_row(name) or PROCESSES.get(name)
     except PluginError:
         return Process(name, "")
 
@@ -207,7 +207,7 @@ def in_stop_order() -> list[Process]:
 
 
 def stopping(*stops: Stop) -> frozenset[str]:
-    """Return the names of the processes that stop then."""
+    """Return the names of the processes that stop at one of these places in the order."""
     return frozenset(row.name for row in in_stop_order() if row.stops in stops)
 
 
@@ -222,9 +222,9 @@ def build(name: str, *arguments: Any, **options: Any) -> Any:
     Parameters
     ----------
     name
-        Of the row.
+        Which row.
     *arguments, **options
-        For its factory: the configuration first.
+        Given to its factory: the configuration first.
 
     Raises
     ------
@@ -253,8 +253,8 @@ def died(message: lcmtypes.process_t) -> str:
     return f"{message.name} died ({message.ended})"
 
 
-def who_stops(row: Process, told: lcmtypes.process_t | None) -> str:
+def who_stops(row: Process, started: lcmtypes.process_t | None) -> str:
     """Return in words who may stop a process; a command that speaks of it, by its number."""
-    if told is None:
+    if started is None:
         return row.stopped_by
-    return row.stopped_by.replace(_COMMAND, f"process {told.supervisor_pid}")
+    return row.stopped_by.replace(_COMMAND, f"process {started.supervisor_pid}")

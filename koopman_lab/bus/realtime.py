@@ -1,4 +1,4 @@
-"""One node in this process, over LCM, in real time."""
+"""The runner in real time: one node in this process, over LCM; and a listener for commands."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import lcm
 
-from koopman_lab.bus.channels import Channel, M
+from koopman_lab.bus.channel import Channel, M
 from koopman_lab.bus.multicast import drain, open_lcm, subscribe
 from koopman_lab.bus.node import Node, RawHandler
 from koopman_lab.bus.pacing import TickTimes
@@ -50,7 +50,7 @@ class RealtimePort(BasePort):
         super().__init__(node_name, config, os.getpid())
         self._bus_clock = Clock()
         self._pending: list[tuple[int, int, Deliver, bytes]] = []
-        self._pushed = count()
+        self._sequence = count()
         self.bus = bus
 
     def bus_us(self) -> int:
@@ -58,12 +58,12 @@ class RealtimePort(BasePort):
         return self._bus_clock.now_us()
 
     def send(self, name: str, data: bytes) -> None:
-        """Publish."""
+        """Publish the bytes on LCM."""
         self.bus.publish(name, data)
 
-    def later(self, at_us: int, take: Deliver, data: bytes) -> None:
+    def deliver_at(self, at_us: int, deliver: Deliver, data: bytes) -> None:
         """Hand over a message when the loop next finds it due."""
-        heapq.heappush(self._pending, (at_us, next(self._pushed), take, data))
+        heapq.heappush(self._pending, (at_us, next(self._sequence), deliver, data))
 
     def next_us(self) -> int | None:
         """Return when something is next due; None if nothing ever is."""
@@ -75,18 +75,18 @@ class RealtimePort(BasePort):
     def run_pending(self) -> None:
         """Hand over the messages that are due, oldest first."""
         while self._pending and self._pending[0][0] <= (now_us := self.bus_us()):
-            _, _, take, data = heapq.heappop(self._pending)
-            take(data, now_us)
+            _, _, deliver, data = heapq.heappop(self._pending)
+            deliver(data, now_us)
 
     def listen(self) -> None:
         """Subscribe at LCM to every channel that has a handler; call once, after attaching."""
         for name in self.subscriptions:
-            self.hear(name)
+            self.listen_to(name)
 
-    def hear(self, name: str) -> None:
+    def listen_to(self, name: str) -> None:
         """Subscribe at LCM to a channel that has a handler."""
-        take = self.subscriptions[name].arrive
-        subscribe(self.bus, name, lambda _, data: take(data, self.bus_us()))
+        deliver = self.subscriptions[name].arrive
+        subscribe(self.bus, name, lambda _, data: deliver(data, self.bus_us()))
 
     def drain(self) -> None:
         """Handle everything that has arrived."""
@@ -108,17 +108,19 @@ class StopSignals:
     @contextlib.contextmanager
     def installed(self) -> Iterator[None]:
         """Catch the signals inside the block."""
-        wanted = (signal.SIGINT, signal.SIGTERM)
-        before = {number: signal.signal(number, self._note) for number in wanted}
+        stop_signals = (signal.SIGINT, signal.SIGTERM)
+        previous_handlers = {
+            number: signal.signal(number, self._on_signal) for number in stop_signals
+        }
         try:
             yield
         finally:
-            for number, handler in before.items():
+            for number, handler in previous_handlers.items():
                 signal.signal(number, handler)
             os.close(self._read)
             os.close(self._write)
 
-    def _note(self, number: int, frame: FrameType | None) -> None:
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
         del number, frame
         self.received = True
         with contextlib.suppress(BlockingIOError):
@@ -246,13 +248,13 @@ class Listener:
         known = name in self._port.subscriptions
         self._port.subscribe(channel, handler)
         if not known:
-            self._port.hear(name)
+            self._port.listen_to(name)
 
     def overhear(self, handler: RawHandler) -> None:
         """Call ``handler`` with every message on the bus, of all robots and other programs."""
         port = self._port
-        heard = self._bus.subscribe(".*", lambda n, data: handler(n, data, port.bus_us()))
-        heard.set_queue_capacity(0)
+        subscription = self._bus.subscribe(".*", lambda n, data: handler(n, data, port.bus_us()))
+        subscription.set_queue_capacity(0)
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message; its ``utime`` is the caller's to set (see :meth:`now_us`)."""

@@ -33,14 +33,14 @@ def from_log(utime: int, now_us: int) -> bool:
 class ReplayGuard(Protocol):
     """Decides what one who acts on a channel hears."""
 
-    def takes(self, utime: int, now_us: int) -> bool:
+    def accepts(self, utime: int, now_us: int) -> bool:
         """Return whether a message stamped ``utime`` (us), which arrives at ``now_us``, is live."""
 
 
 class OrderGuard:
     """Passes over what a person ordered long ago, or will have ordered."""
 
-    def takes(self, utime: int, now_us: int) -> bool:
+    def accepts(self, utime: int, now_us: int) -> bool:
         """Return whether the order is of now; times in us."""
         return not from_log(utime, now_us)
 
@@ -58,24 +58,24 @@ class StreamGuard:
         """How far the stamps of the sender lie ahead."""
         self._heard_us = 0
 
-    def takes(self, utime: int, now_us: int) -> bool:
+    def accepts(self, utime: int, now_us: int) -> bool:
         """Return whether a message is the sender's.
 
         Parameters
         ----------
         utime
-            Of the message (us), by its sender's clock.
+            When the message was stamped (us), by its sender's clock.
         now_us
-            Time of the bus (us).
+            Present time of the bus (us).
         """
-        ahead_us, before_us = utime - now_us, self._ahead_us
+        ahead_us, known_us = utime - now_us, self._ahead_us
         # Of a steady sender, which most are, nothing is to be judged.
         if (
-            ahead_us != before_us
-            and before_us is not None
+            ahead_us != known_us
+            and known_us is not None
             and not (
-                is_current(ahead_us, before_us, SAME_SENDER_US)
-                or abs(ahead_us) < abs(before_us)
+                is_current(ahead_us, known_us, SAME_SENDER_US)
+                or abs(ahead_us) < abs(known_us)
                 or now_us - self._heard_us >= SILENCE_US
             )
         ):

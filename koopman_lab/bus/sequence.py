@@ -1,4 +1,4 @@
-"""Loss seen by sequence numbers."""
+"""Counts the messages that a stream lost, by the gaps in its sequence numbers."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 LATEST = 64
 """A message that so many have overtaken counts as lost."""
-MOST_OTHERS = 7
+MOST_OTHER_PUBLISHERS = 7
 """Publishers of one stream beside the newest; one more, and the oldest is forgotten."""
-APART = 4
-"""So many are not overtaken by one message: who goes on before such a gap spoke beside it."""
+SMALLEST_SPLIT_GAP = 4
+"""A message is overtaken by fewer: whoever goes on before such a gap is another publisher."""
 LARGEST_GAP = 10**9
 """Whoever is farther ahead is another publisher: the cameras, the fastest of all, take 48 days to
 say so much, and nobody listens so long without a message."""
@@ -39,13 +39,13 @@ class SequenceCounter:
         self.lost = 0
         self.restarts = 0
         self.publisher = 0
-        """Whose the newest message was: how many had started before that one."""
-        self.beside: tuple[int, int, int] | None = None
-        """Of the newest gap that was none: the number behind it, whose it seemed, and whose it is;
-        so are those that followed."""
+        """Number of the newest message's publisher, counted from 0 in order of their starts."""
+        self.newest_split: tuple[int, int, int] | None = None
+        """The newest gap that turned out to be a second publisher's start: its first number, the
+        publisher to whom its messages were counted, and the one whose they are."""
         self._next: int | None = None
         self._others: list[tuple[int, int]] = []
-        """What each of the others would say next, and who it is; the newest last."""
+        """The number that each other publisher would send next, and the publisher; newest last."""
         self._missing: set[int] = set()
         self._gap: Gap | None = None
         """The newest of at least :data:`APART`."""
@@ -74,11 +74,11 @@ class SequenceCounter:
             oldest = sequence - LATEST
             self._missing = {number for number in self._missing if number >= oldest}
             self._missing.update(range(max(expected, oldest), sequence))
-            if gap >= APART:
+            if gap >= SMALLEST_SPLIT_GAP:
                 self._gap = Gap(self.publisher, expected, sequence, gap)
         elif gap or sequence < expected:
             gap = 0
-            self._others = [*self._others[-MOST_OTHERS + 1 :], (expected, self.publisher)]
+            self._others = [*self._others[-MOST_OTHER_PUBLISHERS + 1 :], (expected, self.publisher)]
             self.restarts += 1
             self.publisher = self.restarts
             self._missing.clear()
@@ -91,25 +91,28 @@ class SequenceCounter:
         """Make two publishers of the one that spoke before a gap and now goes on there."""
         assert self._next is not None
         self.restarts += 1
-        after = self.restarts
+        later_publisher = self.restarts
         others = [*self._others, (self._next, self.publisher)]
-        self._others = [(n, after if who == gap.publisher else who) for n, who in others]
-        self._others = self._others[-MOST_OTHERS:]
+        self._others = [
+            (n, later_publisher if publisher == gap.publisher else publisher)
+            for n, publisher in others
+        ]
+        self._others = self._others[-MOST_OTHER_PUBLISHERS:]
         self._next, self.publisher = gap.expected + 1, gap.publisher
-        between = range(gap.expected, gap.sequence)
-        self._missing = {number for number in self._missing if number not in between}
+        before_gap = range(gap.expected, gap.sequence)
+        self._missing = {number for number in self._missing if number not in before_gap}
         self.lost -= gap.lost
-        self.beside = gap.sequence, gap.publisher, after
+        self.newest_split = gap.sequence, gap.publisher, later_publisher
         self._gap = None
 
     def _turn_to_closest(self, sequence: int) -> None:
         """Make that publisher the present one whose next number is closest below, or this."""
         assert self._next is not None
         present = self._next, self.publisher
-        able = [other for other in (*self._others, present) if other[0] - 1 <= sequence]
-        if not able:
+        candidates = [other for other in (*self._others, present) if other[0] - 1 <= sequence]
+        if not candidates:
             return
-        closest = max(able)
+        closest = max(candidates)
         if closest != present:
             self._others = [other for other in self._others if other != closest]
             self._others.append(present)

@@ -26,9 +26,9 @@ class Subscription:
     Parameters
     ----------
     name
-        Of the channel, on the bus.
+        The channel's name on the bus.
     message_type
-        Of the channel.
+        The class of the channel's messages.
     """
 
     def __init__(self, name: str, message_type: Any) -> None:
@@ -46,16 +46,16 @@ class Subscription:
         """What takes the channel's messages off the bus."""
         self._name = name
         self._decode = message_type.decode
-        self._header = header_reader(message_type)
+        self._read_header = header_reader(message_type)
 
     def receive(self, data: bytes, arrived_us: int) -> None:
         """Hand a message that arrives at ``arrived_us`` of the bus to the handlers."""
-        header = self._header(data)
+        header = self._read_header(data)
         if header is None:
             self.undecodable += 1
         else:
             utime, sequence = header
-            if self.guard is not None and not self.guard.takes(utime, arrived_us):
+            if self.guard is not None and not self.guard.accepts(utime, arrived_us):
                 return
             if self.amend is not None:
                 data = self.amend(data, utime)

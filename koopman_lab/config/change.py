@@ -1,4 +1,4 @@
-"""A configuration like another, with some values of a section changed."""
+"""Copies a configuration with some values of a section changed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def changed(config: S, section: str, **changes: Any) -> S:
     section
         Name of a section in it, such as ``controller`` or ``simulation.plant``.
     changes
-        Values by their keys in the section.
+        The new values by their keys in the section.
     """
     first, _, rest = section.partition(".")
     inner: Section = getattr(config, first)

@@ -12,7 +12,7 @@ import yaml
 from koopman_lab.errors import ConfigError
 
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""As safe either way; that in C, where PyYAML was built with it, takes a tenth of the time."""
+"""The safe loader; that in C, where PyYAML was built with it, takes a tenth of the time."""
 
 Key = tuple[str, ...]
 

@@ -68,11 +68,17 @@ def load_config(
     user = [read_layer(file)] if file else []
     user += [override_layer(text) for text in overrides]
     values: dict[str, Any]
-    said = _robot_kind(user)
-    if robot and said and robot != said:
+    configured_kind = _robot_kind(user)
+    if robot and configured_kind and robot != configured_kind:
         where = _locate(("robot", "kind"), user)
-        raise ConfigError(f"{where}: robot.kind is {said}, but --robot says {robot}; drop one")
-    kind = _known_robot(said, user) if said else robot_type(robot or DEFAULT_ROBOT)
+        raise ConfigError(
+            f"{where}: robot.kind is {configured_kind}, but --robot says {robot}; drop one"
+        )
+    kind = (
+        _known_robot(configured_kind, user)
+        if configured_kind
+        else robot_type(robot or DEFAULT_ROBOT)
+    )
     layers = [default_layer("base"), robot_layer(kind)]
     if preset != Preset.lab:
         name = Preset(preset).value
@@ -88,7 +94,7 @@ def load_config(
     try:
         config = LabConfig.model_validate(values)
     except ValidationError as error:
-        raise ConfigError(_explain(error.errors(), layers)) from None
+        raise ConfigError(_error_text(error.errors(), layers)) from None
     return config
 
 
@@ -110,16 +116,16 @@ def parse_config(text: str, source: str) -> LabConfig:
     PluginError
         If the robot is another package's, and cannot be used.
     """
-    said = parse_layer(text, source)
-    kind = _robot_kind([said])
-    values = translate(said.values)
+    recorded = parse_layer(text, source)
+    kind = _robot_kind([recorded])
+    values = translate(recorded.values)
     if kind is not None:
-        for layer in (robot_layer(_known_robot(kind, [said])), default_layer("base")):
+        for layer in (robot_layer(_known_robot(kind, [recorded])), default_layer("base")):
             values = merge(layer.values, values)
     try:
         return LabConfig.model_validate(values)
     except ValidationError as error:
-        raise ConfigError(_explain(error.errors(), [said])) from None
+        raise ConfigError(_error_text(error.errors(), [recorded])) from None
 
 
 def read_record(file: Path) -> LabConfig:
@@ -171,7 +177,7 @@ def _locate(key: Key, layers: Sequence[Layer]) -> str:
     return layers[0].source if len(layers) == 1 else "configuration"
 
 
-def _explain(errors: Sequence[ErrorDetails], layers: Sequence[Layer]) -> str:
+def _error_text(errors: Sequence[ErrorDetails], layers: Sequence[Layer]) -> str:
     lines = []
     if any(error["type"] == "missing" and error["loc"][0] == "simulation" for error in errors):
         # Of the presets one says nothing of it, which is the only way to a part of it.
@@ -188,15 +194,15 @@ def _explain(errors: Sequence[ErrorDetails], layers: Sequence[Layer]) -> str:
             continue
         where, dotted = _locate(key, layers), ".".join(key)
         if error["type"] == "extra_forbidden":
-            near = _nearest(key)
-            hint = f"; did you mean {near}?" if near else ""
+            similar = _nearest(key)
+            hint = f"; did you mean {similar}?" if similar else ""
             lines.append(f"{where}: {dotted}: unknown key{hint}")
         else:
             reason = error["msg"].removeprefix("Value error, ")
             reason = reason[0].lower() + reason[1:]
             no_value = error["type"] == "missing" or not key
-            found = "" if no_value else f", found {error['input']!r}"
-            lines.append(f"{where}: {dotted + ': ' if dotted else ''}{reason}{found}")
+            found_text = "" if no_value else f", found {error['input']!r}"
+            lines.append(f"{where}: {dotted + ': ' if dotted else ''}{reason}{found_text}")
     return "\n".join(lines)
 
 

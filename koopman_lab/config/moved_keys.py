@@ -46,10 +46,10 @@ def moved(values: Mapping[str, Any]) -> Iterator[tuple[Key, Key]]:
     for old, new in MOVED.items():
         values, value = _without(values, old)
         if value is not ABSENT:
-            yield from _inside(value, old, new)
+            yield from _moved_below(value, old, new)
 
 
-def _inside(value: Any, old: Key, new: Key) -> Iterator[tuple[Key, Key]]:
+def _moved_below(value: Any, old: Key, new: Key) -> Iterator[tuple[Key, Key]]:
     """Yield what a section holds; a section in it by its own name, unless it holds one key only."""
     if not isinstance(value, Mapping) or not value:
         yield old, new
@@ -59,7 +59,7 @@ def _inside(value: Any, old: Key, new: Key) -> Iterator[tuple[Key, Key]]:
         if isinstance(inner, Mapping) and len(inner) > 1:
             yield below, (*new, str(part))
         else:
-            yield from _inside(inner, below, (*new, str(part)))
+            yield from _moved_below(inner, below, (*new, str(part)))
 
 
 def _without(values: Mapping[str, Any], key: Key) -> tuple[dict[str, Any], Any]:

@@ -31,7 +31,7 @@ def robot_layer(robot: RobotType) -> Layer:
     ConfigError
         If the kind's file cannot be read.
     """
-    layer = _of_robot(robot)
+    layer = _defaults_of(robot)
     values = {key: value for key, value in layer.values.items() if key != PRESETS}
     return Layer(layer.source, merge(values, {"robot": {"kind": robot.name}}), layer.lines)
 
@@ -44,7 +44,7 @@ def robot_preset_layer(robot: RobotType, preset: str) -> Layer:
     ConfigError
         If the kind's file cannot be read.
     """
-    layer, above = _of_robot(robot), (PRESETS, preset)
+    layer, above = _defaults_of(robot), (PRESETS, preset)
     values: Any = layer.values
     for key in above:
         values = values.get(key) or {}
@@ -55,12 +55,12 @@ def robot_preset_layer(robot: RobotType, preset: str) -> Layer:
     return Layer(layer.source, dict(values), lines)
 
 
-def _of_robot(robot: RobotType) -> Layer:
+def _defaults_of(robot: RobotType) -> Layer:
     file = robot.defaults
     if file is None:
         return Layer(f"the {robot.name} robot", {}, {})
     try:
-        return _parsed(file.read_text(encoding="utf-8"), str(file))
+        return _cached_layer(file.read_text(encoding="utf-8"), str(file))
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(
             f"{file}: the defaults of the {robot.name} robot cannot be read ({error}); mend its "
@@ -69,5 +69,5 @@ def _of_robot(robot: RobotType) -> Layer:
 
 
 @cache
-def _parsed(text: str, source: str) -> Layer:
+def _cached_layer(text: str, source: str) -> Layer:
     return parse_layer(text, source)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from koopman_lab.config.costs import weighs_states
+from koopman_lab.config.cost_table import weighs_states
 from koopman_lab.robots.robot_type import RobotType
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ class RobotMisfitError(ValueError):
     Parameters
     ----------
     key
-        Of the value, dotted.
+        The value's dotted key.
     reason
         What the robot has, and what was found.
     """
@@ -37,29 +37,29 @@ def require_fit(config: LabConfig, robot: RobotType) -> None:
     RobotMisfitError
         If there are too few or too many numbers somewhere, or bounds of what is not there.
     """
-    states = _listing("states", robot.state_names)
+    states = _count_and_names("states", robot.state_names)
     for cost, weights in config.controller.weights.items():
         if weighs_states(cost) and len(weights.q) != robot.state_dim:
             raise RobotMisfitError(
                 f"controller.weights.{cost}.q",
                 f"the {robot.name} robot has {states}, found {len(weights.q)} weights",
             )
-    for key, values in _of_inputs(config):
+    for key, values in _values_of_inputs(config):
         if len(values) != robot.input_dim:
-            inputs = _listing("inputs", robot.input_names)
+            inputs = _count_and_names("inputs", robot.input_names)
             raise RobotMisfitError(key, f"the {robot.name} robot has {inputs}, found {len(values)}")
     _require_speeds(config.controller.speed_max, robot)
     count = len(config.sampler.basis_inputs)
     if count not in robot.basis_counts:
         names = [f"u_{i}" for i in range(robot.input_dim + 1)]
-        ways = [", ".join(names[-k:]) for k in robot.basis_counts]
+        choices = [", ".join(names[-k:]) for k in robot.basis_counts]
         raise RobotMisfitError(
             "sampler.basis_inputs",
-            f"expected {' or '.join(ways)} of the {robot.name} robot, found {count} inputs",
+            f"expected {' or '.join(choices)} of the {robot.name} robot, found {count} inputs",
         )
 
 
-def _of_inputs(config: LabConfig) -> Iterator[tuple[str, Sequence[float]]]:
+def _values_of_inputs(config: LabConfig) -> Iterator[tuple[str, Sequence[float]]]:
     """Give what has a number for each input, by its key."""
     yield "controller.u_max", config.controller.u_max
     for cost, weights in config.controller.weights.items():
@@ -81,9 +81,10 @@ def _require_speeds(speed_max: Sequence[float] | None, robot: RobotType) -> None
         names = [robot.state_names[i] for i in robot.speeds_at]
         raise RobotMisfitError(
             "controller.speed_max",
-            f"the {robot.name} robot has {_listing('velocities', names)}, found {len(speed_max)}",
+            f"the {robot.name} robot has {_count_and_names('velocities', names)}, "
+            f"found {len(speed_max)}",
         )
 
 
-def _listing(what: str, names: Sequence[str]) -> str:
+def _count_and_names(what: str, names: Sequence[str]) -> str:
     return f"{len(names)} {what} ({', '.join(names)})"

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from koopman_lab.config.costs import COSTS, known_cost
+from koopman_lab.config.cost_table import COSTS, known_cost
 from koopman_lab.config.motor_loop import MotorLoop
 from koopman_lab.config.robot_fit import require_fit
 from koopman_lab.config.simulation import Simulation
@@ -38,7 +38,7 @@ class Robot(Section):
 
 
 class Bus(Section):
-    """LCM."""
+    """The LCM bus."""
 
     url: str
     receive_buffer_bytes: Annotated[int, Field(ge=65536)]
@@ -144,13 +144,13 @@ class Processing(Section):
     remove_marker_offset: bool
 
 
-def _joined(given: Any) -> Any:
-    if not isinstance(given, (list, tuple)):
-        return given
-    wrong = [i for i in given if isinstance(i, bool) or not isinstance(i, (str, int, float))]
+def _comma_separated(value: Any) -> Any:
+    if not isinstance(value, (list, tuple)):
+        return value
+    wrong = [i for i in value if isinstance(i, bool) or not isinstance(i, (str, int, float))]
     if wrong:
         raise ValueError(f"{wrong[0]!r} is no expression")
-    return ", ".join(map(str, given))
+    return ", ".join(map(str, value))
 
 
 class Model(Section):
@@ -159,7 +159,7 @@ class Model(Section):
     A dictionary is a name, or expressions: as a list, or with commas between them.
     """
 
-    dictionary: Annotated[str, BeforeValidator(_joined)]
+    dictionary: Annotated[str, BeforeValidator(_comma_separated)]
 
 
 CostName = Annotated[str, AfterValidator(known_cost)]
@@ -167,7 +167,7 @@ CostName = Annotated[str, AfterValidator(known_cost)]
 
 
 BackEnd = Literal["ddp", "fatrop", "ipopt"]
-"""Solvers of the optimal control problem."""
+"""Names of the solvers of the optimal control problem."""
 
 
 class Weights(Section):
@@ -221,7 +221,7 @@ class Controller(Section):
 
 
 class Logger(Section):
-    """The logger."""
+    """The node that writes the session log."""
 
     largest_file_bytes: Annotated[int, Field(ge=1_000_000)]
 
@@ -273,7 +273,7 @@ class LabConfig(Section):
     def _fits_the_robot(self) -> LabConfig:
         require_fit(self, robot_type(self.robot.kind))
         # Whether a cost of another package has weights of its own, it is asked where it is built.
-        cost = COSTS.own(self.controller.cost)
+        cost = COSTS.builtin_row(self.controller.cost)
         if cost is not None and not cost.weights and cost.name not in self.controller.weights:
             raise ValueError(f"controller.weights lacks the cost {cost.name!r}")
         return self

@@ -37,14 +37,14 @@ class RadioLink(Section):
 
 
 class Radio(Section):
-    """Between desk and robot."""
+    """The radio between desk and robot, each direction on its own."""
 
     to_robot: RadioLink
     from_robot: RadioLink
 
 
 class BoardClock(Section):
-    """The board's clock against the desk's."""
+    """How wrong the board's clock is against the desk's."""
 
     offset_s: Finite
     drift_ppm: Finite
@@ -99,9 +99,9 @@ class Fault(Section):
     def _with_defaults(cls, values: Any) -> Any:
         if not isinstance(values, Mapping):
             return values
-        given = {key: value for key, value in values.items() if value is not None}
-        kind = given.get("kind")
-        return (FAULT_DETAILS.get(kind, {}) if isinstance(kind, str) else {}) | given
+        known = {key: value for key, value in values.items() if value is not None}
+        kind = known.get("kind")
+        return (FAULT_DETAILS.get(kind, {}) if isinstance(kind, str) else {}) | known
 
     @model_validator(mode="after")
     def _has_only_its_details(self) -> Fault:

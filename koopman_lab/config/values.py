@@ -6,16 +6,15 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-RobotKind = str
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Pair = tuple[Finite, Finite]
 Input = tuple[Finite, ...]
-"""As many numbers as the robot has inputs."""
+"""An input: as many numbers as the robot has inputs."""
 InputBounds = tuple[Positive, ...]
-"""The same, for magnitudes and weights of inputs."""
+"""Magnitudes or weights of inputs, one for each."""
 
 
 def _ordered(low_high: tuple[float, float]) -> tuple[float, float]:
@@ -30,6 +29,6 @@ Triple = tuple[Finite, Finite, Finite]
 
 
 class Section(BaseModel):
-    """Base of all sections."""
+    """Base of all sections: frozen, and without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")

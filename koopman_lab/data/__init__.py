@@ -1,1 +1,1 @@
-"""From a session log to a data set."""
+"""From session logs to data sets: decoding, segments, velocities, pairs, and their files."""

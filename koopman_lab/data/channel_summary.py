@@ -57,7 +57,7 @@ def summary_of(messages: Messages, message_type: Any | None) -> ChannelSummary:
     if headers is not None and len(headers):
         times = headers["utime"].astype(np.int64)
         sequence = headers["sequence"].astype(np.int64)
-        missing, jumps_us = _missing(sequence), _clock_jumps_us(times, sequence)
+        missing, jumps_us = _gap_sizes(sequence), _clock_jumps_us(times, sequence)
     first_us, last_us = int(times.min()), int(times.max())
     span_us = last_us - first_us - jumps_us
     return ChannelSummary(
@@ -94,15 +94,15 @@ def _clock_jumps_us(times: NDArray[np.int64], sequence: NDArray[np.int64]) -> in
     return int(excess[excess > LARGEST_PAUSE_S * US_PER_S].sum())
 
 
-def _missing(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
+def _gap_sizes(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the size of each gap, of each publisher on its own if there are several."""
     sequence = _without_slips(sequence)
     steps = np.diff(sequence.view(np.uint64))  # as far apart as int64 can be
     if np.all((sequence[1:] > sequence[:-1]) & (steps <= LARGEST_GAP)):
         publishers = [sequence]
     else:
-        publisher = _publishers(sequence)
-        publishers = [np.unique(sequence[publisher == k]) for k in range(publisher.max() + 1)]
+        publisher_of = _publishers(sequence)
+        publishers = [np.unique(sequence[publisher_of == k]) for k in range(publisher_of.max() + 1)]
     missing = np.concatenate([np.diff(numbers) for numbers in publishers]) - 1
     return missing[missing > 0]
 
@@ -110,13 +110,13 @@ def _missing(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
 def _publishers(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return whose each message (n,) is, counted from 0."""
     counter, publisher = SequenceCounter(), np.zeros(len(sequence), np.int64)
-    beside = None
+    split = None
     for k, number in enumerate(sequence.tolist()):
         counter.update(number)
-        if counter.beside is not None and counter.beside is not beside:
-            beside = first, seemed, whose = counter.beside
+        if counter.newest_split is not None and counter.newest_split is not split:
+            split = first, seeming, actual = counter.newest_split
             before = publisher[:k]
-            before[(before == seemed) & (sequence[:k] >= first)] = whose
+            before[(before == seeming) & (sequence[:k] >= first)] = actual
         publisher[k] = counter.publisher
     return publisher
 
@@ -126,9 +126,9 @@ def _without_slips(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
 
     Such a one is damage, and no publisher that started again, unless numbers next to it are there.
     """
-    before, here, after = sequence[:-2], sequence[1:-1], sequence[2:]
-    slips = np.flatnonzero((here < before - LATEST) & (before < after))
-    near = np.isin(here[slips] - 1, sequence) | np.isin(here[slips] + 1, sequence)
+    previous, current, following = sequence[:-2], sequence[1:-1], sequence[2:]
+    slips = np.flatnonzero((current < previous - LATEST) & (previous < following))
+    has_neighbour = np.isin(current[slips] - 1, sequence) | np.isin(current[slips] + 1, sequence)
     kept = np.ones(len(sequence), bool)
-    kept[1 + slips[~near]] = False
+    kept[1 + slips[~has_neighbour]] = False
     return sequence[kept]

@@ -47,7 +47,7 @@ def collect(
     segments
         From :func:`~koopman_lab.data.segments.cut`.
     robot
-        Whose states.
+        The robot whose states the pairs hold.
     settings
         Sampling time and window.
     frame_rate_hz
@@ -57,13 +57,13 @@ def collect(
     X, Y, numbers, starts = [np.zeros((0, n))], [np.zeros((0, n))], [_NO_TIMES], [_NO_TIMES]
     lateral = [np.zeros(0)]
     for segment in segments:
-        of = states(segment, robot, settings.smoothing_window)
-        found = pair(of, settings.dt_s, frame_rate_hz)
-        X.append(found.X)
-        Y.append(found.Y)
-        starts.append(found.start_us)
-        numbers.append(np.full(len(found.X), segment.run.number))
-        lateral.append(of.lateral)
+        segment_states = states(segment, robot, settings.smoothing_window)
+        pairs = pair(segment_states, settings.dt_s, frame_rate_hz)
+        X.append(pairs.X)
+        Y.append(pairs.Y)
+        starts.append(pairs.start_us)
+        numbers.append(np.full(len(pairs.X), segment.run.number))
+        lateral.append(segment_states.lateral)
     sideways = np.concatenate(lateral)
     account = {
         "runs_with_frames": len({segment.run.number for segment in segments}),

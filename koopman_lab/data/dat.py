@@ -26,7 +26,7 @@ from koopman_lab.robots.table import ROBOTS, robot_type
 
 Array = NDArray[np.float64]
 HEADER = "dataset.json"
-EXACT, WHOLE = "%.17g", "%d"
+EXACT, INTEGER = "%.17g", "%d"
 """Formats that lose no bit."""
 _NAME = re.compile(r"([XY])_(\d+)\.dat")
 
@@ -62,7 +62,7 @@ def write_folder(dataset: DataSet, folder: Path) -> None:
             origin = np.column_stack([dataset.segments[index], dataset.start_us[index]])
             _write(place / f"X_{index}.dat", dataset.X[index], EXACT)
             _write(place / f"Y_{index}.dat", dataset.Y[index], EXACT)
-            _write(place / f"pairs_{index}.dat", origin, WHOLE)
+            _write(place / f"pairs_{index}.dat", origin, INTEGER)
         write_json(place / HEADER, header)
 
 
@@ -82,7 +82,7 @@ def read_folder(
     folder
         Holds the files.
     robot_kind, dt_s
-        Whose states, and the time from X to Y (s); needed where the folder does not say them.
+        The robot's name and the time from X to Y (s); needed where the folder does not say them.
     basis_inputs
         In place of those the folder says, or else of those of the paper, by index. Files of i = 0
         may be there or not for a robot without drift, and are of zero input.
@@ -95,9 +95,9 @@ def read_folder(
     if not is_folder(folder):
         raise DataError(f"{folder}: holds no X_i.dat; give a folder of X_i.dat and Y_i.dat")
     header = _header(folder)
-    for said, flag, given in (("robot_kind", "--robot", robot_kind), ("dt_s", "--dt", dt_s)):
-        if given is not None and said in header and header[said] != given:
-            raise DataError(f"{folder}: is of {flag} {header[said]}, not {given}; leave out {flag}")
+    for key, flag, option in (("robot_kind", "--robot", robot_kind), ("dt_s", "--dt", dt_s)):
+        if option is not None and key in header and header[key] != option:
+            raise DataError(f"{folder}: is of {flag} {header[key]}, not {option}; leave out {flag}")
     kind: str | None = header.get("robot_kind", robot_kind)
     dt_s = header.get("dt_s", dt_s)
     if kind is None or dt_s is None:
@@ -124,9 +124,9 @@ def read_folder(
                 f"{folder}: X_{index}.dat holds {len(x)} states, Y_{index}.dat {len(y)}; "
                 "each state of X needs its successor in Y"
             )
-        X[index], Y[index], changed = _continued(x, y)
-        shifted += changed
-        segments[index], start_us[index] = _origin(folder / f"pairs_{index}.dat", len(x))
+        X[index], Y[index], count = _with_continued_angles(x, y)
+        shifted += count
+        segments[index], start_us[index] = _runs_and_times(folder / f"pairs_{index}.dat", len(x))
     metadata = header.get("metadata") or {
         "imported_from": folder.name,
         "segments_known": (folder / f"pairs_{min(inputs)}.dat").exists(),
@@ -150,28 +150,31 @@ def _header(folder: Path) -> dict[str, Any]:
         header = json.loads(path.read_text())
         inputs = {int(i): tuple(map(float, u)) for i, u in header["basis_inputs"].items()}
         robot_type(header["robot_kind"])
-        found = {"dt_s": float(header["dt_s"]), "metadata": dict(header["metadata"])}
+        content = {"dt_s": float(header["dt_s"]), "metadata": dict(header["metadata"])}
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         raise DataError(f"{path}: damaged; remove it, and say --robot and --dt instead") from None
     except ConfigError as error:
         raise DataError(f"{path}: {error}") from None
-    return found | {"robot_kind": header["robot_kind"], "basis_inputs": inputs}
+    return content | {"robot_kind": header["robot_kind"], "basis_inputs": inputs}
 
 
 def _inputs(
-    folder: Path, kind: str, said: Mapping[int, Sequence[float]] | None
+    folder: Path, kind: str, stated: Mapping[int, Sequence[float]] | None
 ) -> dict[int, Sequence[float]]:
     """Return the basis inputs by index, after a look at which files there are."""
-    inputs = dict(said or load_config(robot=kind).sampler.indexed_inputs)
+    inputs = dict(stated or load_config(robot=kind).sampler.indexed_inputs)
     names = {entry.name for entry in folder.iterdir() if _NAME.fullmatch(entry.name)}
     if 0 not in inputs and "X_0.dat" in names:
         inputs = {0: (0.0,) * robot_type(kind).input_dim} | inputs
-    wanted = {f"{letter}_{index}.dat" for index in inputs for letter in "XY"}
-    for trouble, those in (("lacks", wanted - names), ("has no basis input for", names - wanted)):
-        if those:
+    expected = {f"{letter}_{index}.dat" for index in inputs for letter in "XY"}
+    for problem, misfits in (
+        ("lacks", expected - names),
+        ("has no basis input for", names - expected),
+    ):
+        if misfits:
             raise DataError(
-                f"{folder}: {trouble} {', '.join(sorted(those))}; a data set of the {kind} robot "
-                f"is {', '.join(sorted(wanted))} (see --robot)"
+                f"{folder}: {problem} {', '.join(sorted(misfits))}; a data set of the {kind} robot "
+                f"is {', '.join(sorted(expected))} (see --robot)"
             )
     return inputs
 
@@ -208,14 +211,14 @@ def _as_rows(
     rows = all(table.shape[1] == n for table in filled.values())
     columns = all(table.shape[0] == n for table in filled.values()) and not (known and rows)
     if rows == columns and filled:
-        found = ", ".join(
+        shapes = ", ".join(
             f"{letter}_{index}.dat {t.shape[0]} by {t.shape[1]}"
             for (letter, index), t in files.items()
         )
         reason = "both rows and columns" if rows else "neither all rows nor all columns"
         raise DataError(
             f"{folder}: {reason} hold {n} numbers ({', '.join(names)} of the {kind} robot); found "
-            f"{found}; see --robot, and leave out what else the files hold, such as times"
+            f"{shapes}; see --robot, and leave out what else the files hold, such as times"
         )
     return {
         key: np.zeros((0, n)) if not t.size else np.ascontiguousarray(t if rows else t.T)
@@ -223,7 +226,7 @@ def _as_rows(
     }
 
 
-def _continued(x: Array, y: Array) -> tuple[Array, Array, int]:
+def _with_continued_angles(x: Array, y: Array) -> tuple[Array, Array, int]:
     """Return X and Y with the angles as they should be, and how many pairs that changed."""
     theta_x = x[:, 2]
     turns_x = np.rint((theta_x - wrap_angle(theta_x)) / TAU)
@@ -235,7 +238,7 @@ def _continued(x: Array, y: Array) -> tuple[Array, Array, int]:
     return x, y, int(np.count_nonzero((turns_x != 0.0) | (turns_y != 0.0)))
 
 
-def _origin(path: Path, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _runs_and_times(path: Path, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the run and the time of each pair; all of one run at no known time if not said."""
     if not path.exists():
         return np.zeros(count, np.int64), np.zeros(count, np.int64)

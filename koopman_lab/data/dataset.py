@@ -47,7 +47,7 @@ class DataSet:
     dt_s
         Sampling time (s).
     robot_kind
-        Whose states and inputs: the robot's name.
+        Name of the robot whose states and inputs these are.
     metadata
         How the data were made; JSON.
 
@@ -174,7 +174,7 @@ class DataSet:
         config
             In place of the configuration that the log says.
         robot_name
-            Whose data; needed only where the log holds several robots.
+            The robot whose data is meant; needed only where the log holds several robots.
         dt_s, window
             In place of ``processing.dt_s`` and ``processing.smoothing_window``.
         salvage
@@ -196,8 +196,10 @@ class DataSet:
         recorded = recording(log, config, dt_s=dt_s, window=window)
         lab, settings = recorded.config, recorded.settings
         rate_hz, inputs = lab.mocap.rate_hz, lab.sampler.indexed_inputs
-        found = {
-            index: collect(recorded.of(index), robot_type(lab.robot.kind), settings, rate_hz)
+        collected = {
+            index: collect(
+                recorded.segments_of(index), robot_type(lab.robot.kind), settings, rate_hz
+            )
             for index in inputs
         }
         metadata = {
@@ -208,13 +210,13 @@ class DataSet:
             "marker": recorded.marker.as_dict(),
             "runs": len(recorded.runs),
             "runs_given_up": recorded.given_up,
-            "basis_inputs": {str(index): part.account for index, part in found.items()},
+            "basis_inputs": {str(index): part.account for index, part in collected.items()},
         }
         return cls(
-            X={index: part.X for index, part in found.items()},
-            Y={index: part.Y for index, part in found.items()},
-            segments={index: part.segments for index, part in found.items()},
-            start_us={index: part.start_us for index, part in found.items()},
+            X={index: part.X for index, part in collected.items()},
+            Y={index: part.Y for index, part in collected.items()},
+            segments={index: part.segments for index, part in collected.items()},
+            start_us={index: part.start_us for index, part in collected.items()},
             basis_inputs={index: np.array(u) for index, u in inputs.items()},
             dt_s=settings.dt_s,
             robot_kind=lab.robot.kind,

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import lcmtypes
-from koopman_lab.bus.channels import ABOARD, SESSION_INFO, TIME_SYNC, Channel, M, split_name
+from koopman_lab.bus.channel import ABOARD, Channel, M
+from koopman_lab.bus.channels import SESSION_INFO, TIME_SYNC, split_name
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.channel_summary import summary_of
@@ -15,7 +16,7 @@ from koopman_lab.data.message_arrays import StructuredArray, decode_all, decode_
 from koopman_lab.errors import BusError, ConfigError, LogError
 from koopman_lab.eventlog.eventlog import Damage
 from koopman_lab.eventlog.index import index_files
-from koopman_lab.eventlog.logwriter import parts
+from koopman_lab.eventlog.logwriter import files_of_log
 from koopman_lab.eventlog.message_blocks import Messages
 from koopman_lab.units import US_PER_S
 
@@ -49,7 +50,7 @@ class SessionLog:
         A log, or the session folder that holds ``session.lcm``. The first file of a log that goes
         on in others stands for all of them.
     robot_name
-        Whose messages; needed only where the log holds several robots.
+        The robot whose messages are meant; needed only where the log holds several robots.
     salvage
         Pass over what is damaged instead of refusing the file.
 
@@ -74,10 +75,10 @@ class SessionLog:
         self.path = log_file(Path(path))
         self.damage: list[Damage] = []
         self._salvage = salvage
-        self._wanted_robot = robot_name
+        self._requested_robot = robot_name
         files = [
             file
-            for file in parts(self.path) or [self.path]
+            for file in files_of_log(self.path) or [self.path]
             if file == self.path or file.stat().st_size  # otherwise begun and ended by force
         ]
         self._messages = index_files(files, salvage=salvage, damage=self.damage)
@@ -116,17 +117,17 @@ class SessionLog:
                 f"{self.path}: holds no channel of this lab, only {', '.join(self._messages)}; "
                 "give the log of a session"
             )
-        if self._wanted_robot is None:
+        if self._requested_robot is None:
             if len(robots) > 1:
                 raise LogError(
                     f"{self.path}: holds the robots {', '.join(robots)}; say which one is meant"
                 )
             return robots[0]
-        if self._wanted_robot not in robots:
+        if self._requested_robot not in robots:
             raise LogError(
-                f"{self.path}: holds no robot {self._wanted_robot}, only {', '.join(robots)}"
+                f"{self.path}: holds no robot {self._requested_robot}, only {', '.join(robots)}"
             )
-        return self._wanted_robot
+        return self._requested_robot
 
     def array(self, channel: Channel[M], *, needed: bool = True) -> StructuredArray:
         """Return the messages of a fixed-size type (N,) in order of arrival.

@@ -11,8 +11,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from koopman_lab.bus.channels import Channel, split_name
-from koopman_lab.bus.message_values import flat, json_schema, plain
+from koopman_lab.bus.channel import Channel
+from koopman_lab.bus.channels import split_name
+from koopman_lab.bus.message_values import flat_columns, json_schema, plain_values
 from koopman_lab.errors import BusError, LogError
 from koopman_lab.eventlog.eventlog import Event
 from koopman_lab.files import replacing, replacing_folder
@@ -60,7 +61,7 @@ def export_csv(events: Iterable[Event], folder: Path) -> Exported:
     tables: dict[str, tuple[list[str], list[dict[str, Any]]]] = {}
     for event, _, values in _decoded(events, written):
         columns, rows = tables.setdefault(event.channel, ([ARRIVAL], []))
-        row = {ARRIVAL: event.timestamp_us} | dict(flat(values))
+        row = {ARRIVAL: event.timestamp_us} | dict(flat_columns(values))
         if len(row) > len(columns):  # a list may be longer later
             columns.extend(name for name in row if name not in columns)
         rows.append(row)
@@ -125,7 +126,7 @@ def _decoded(events: Iterable[Event], written: Exported) -> Iterator[_Decoded]:
     for event in events:
         with contextlib.suppress(BusError, ValueError, struct.error):
             channel = split_name(event.channel)[1]
-            values = plain(channel.type.decode(event.data))
+            values = plain_values(channel.type.decode(event.data))
             written.channels[event.channel] = written.channels.get(event.channel, 0) + 1
             yield _Decoded(event, channel, values)
             continue

@@ -118,16 +118,20 @@ def marker_offset(rotations: Sequence[Segment], drives: Sequence[Segment]) -> Ma
     chords = chords[np.abs(chords) >= SMALLEST_DRIVE_M]
     if len(chords) < FEWEST:
         return _unknown(len(turned), len(chords), f"{len(chords)} drives, needs {FEWEST}")
-    way = complex(chords.sum())
+    travel = complex(chords.sum())
     # Seen from the tracked frame, which is turned to the left, the robot drives to the right.
-    turn = -cmath.phase(way)
+    turn = -cmath.phase(travel)
     position = e * cmath.exp(1j * turn)
     shares = weights / weights.sum()
-    off = (singly * cmath.exp(1j * turn) - position) * shares
-    aside = (chords * cmath.exp(1j * turn)).imag / abs(way)
+    position_deviations = (singly * cmath.exp(1j * turn) - position) * shares
+    angle_deviations = (chords * cmath.exp(1j * turn)).imag / abs(travel)
     offset = Pose(position.real, position.imag, turn)
-    error = Pose(_scatter(off.real), _scatter(off.imag), _scatter(aside))
-    if any(found > largest for found, largest in zip(error, LARGEST_ERROR, strict=True)):
+    error = Pose(
+        _standard_error(position_deviations.real),
+        _standard_error(position_deviations.imag),
+        _standard_error(angle_deviations),
+    )
+    if any(deviation > largest for deviation, largest in zip(error, LARGEST_ERROR, strict=True)):
         reason = (
             f"known only to {error.x1 * 1e3:.1f} mm, {error.x2 * 1e3:.1f} mm and "
             f"{math.degrees(error.theta):.2f} deg"
@@ -153,19 +157,19 @@ def _unknown(rotations: int, drives: int, reason: str) -> MarkerOffset:
     return MarkerOffset(None, None, rotations, drives, reason)
 
 
-def _parts(segment: Segment) -> tuple[NDArray[np.complex128], Array]:
+def _positions_and_headings(segment: Segment) -> tuple[NDArray[np.complex128], Array]:
     """Return positions (k,) and headings (k,) without jumps."""
     x1, x2, theta = segment.poses.T
     return x1 + 1j * x2, np.unwrap(theta)
 
 
 def _turned_rad(segment: Segment) -> float:
-    return float(np.ptp(_parts(segment)[1]))
+    return float(np.ptp(_positions_and_headings(segment)[1]))
 
 
 def _circle(segment: Segment) -> tuple[float, complex]:
     """Return how much one rotation says, and what: weight and offset in the tracked frame."""
-    z, theta = _parts(segment)
+    z, theta = _positions_and_headings(segment)
     w = np.exp(1j * theta)
     w -= w.mean()
     weight = float(np.sum(np.abs(w) ** 2))
@@ -174,13 +178,13 @@ def _circle(segment: Segment) -> tuple[float, complex]:
 
 def _travel(segment: Segment, e: complex) -> complex:
     """Return the way of one drive, each step of it as seen from the tracked frame."""
-    z, theta = _parts(segment)
+    z, theta = _positions_and_headings(segment)
     standing = z - np.exp(1j * theta) * e
     half_way = 0.5 * (theta[1:] + theta[:-1])
     return complex(np.sum(np.diff(standing) * np.exp(-1j * half_way)))
 
 
-def _scatter(parts: Array) -> float:
+def _standard_error(parts: Array) -> float:
     """Return the standard error of a sum of deviations from their weighted mean."""
     count = len(parts)
     return math.sqrt(count / (count - 1) * float(np.sum(parts**2)))

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 MULTIPLE_TOLERANCE = 0.01
-"""In frame times: how far dt may be from a multiple of the frame time and count as one."""
+"""How far dt may be from a multiple of the frame time and count as one, in frame times."""
 
 
 class States(NamedTuple):
@@ -56,9 +56,9 @@ def states(segment: Segment, robot: RobotType, window: int) -> States:
     segment
         Poses of a run.
     robot
-        Whose states: the pose, or the pose and the body velocity (v, omega).
+        The robot, whose states are the pose, or the pose and the body velocity (v, omega).
     window
-        Of the moving average, in frames; poses alone ignore it.
+        Length of the moving average in frames; poses alone ignore it.
 
     Raises
     ------
@@ -73,10 +73,10 @@ def states(segment: Segment, robot: RobotType, window: int) -> States:
     if len(poses) < 3 + 2 * margin(window):
         return States(np.zeros(0, np.int64), np.zeros((0, robot.state_dim)), np.zeros(0))
     velocities = moving_average(body_velocities(segment.utime_us, poses), window)
-    kept = slice(1 + margin(window), len(poses) - 1 - margin(window))
+    kept_frames = slice(1 + margin(window), len(poses) - 1 - margin(window))
     x = np.empty((len(velocities), robot.state_dim))
-    x[:, :POSE_DIM], x[:, list(robot.speeds_at)] = poses[kept], velocities[:, [0, 2]]
-    return States(segment.utime_us[kept], x, velocities[:, 1])
+    x[:, :POSE_DIM], x[:, list(robot.speeds_at)] = poses[kept_frames], velocities[:, [0, 2]]
+    return States(segment.utime_us[kept_frames], x, velocities[:, 1])
 
 
 def _require_seen(robot: RobotType) -> None:
@@ -135,7 +135,7 @@ def moving_average(values: Array, window: int) -> Array:
     return np.column_stack(columns)
 
 
-def pair(of: States, dt_s: float, frame_rate_hz: float) -> Pairs:
+def pair(segment_states: States, dt_s: float, frame_rate_hz: float) -> Pairs:
     """Match states with their successors by time, at the full rate of the cameras.
 
     If dt is a multiple of the frame time, the successor is the frame nearest to dt later, which
@@ -145,14 +145,14 @@ def pair(of: States, dt_s: float, frame_rate_hz: float) -> Pairs:
 
     Parameters
     ----------
-    of
+    segment_states
         The states of one segment, no frame missing.
     dt_s
         Sampling time (s).
     frame_rate_hz
         Nominal rate of the cameras.
     """
-    utime, x = of.utime_us, of.x
+    utime, x = segment_states.utime_us, segment_states.x
     if not len(utime):
         return Pairs(x, x, utime)
     # Counted from the first frame: in us since the epoch a double resolves only a quarter us.
@@ -162,13 +162,13 @@ def pair(of: States, dt_s: float, frame_rate_hz: float) -> Pairs:
     if round(frames) > 0 and abs(frames - round(frames)) <= MULTIPLE_TOLERANCE:
         nearest = np.rint(np.interp(target_us, elapsed_us, np.arange(len(x)))).astype(np.intp)
         off_us = np.abs(elapsed_us[nearest] - target_us)
-        found = off_us <= 0.5 * US_PER_S / frame_rate_hz
-        Y = x[nearest[found]]
+        matched = off_us <= 0.5 * US_PER_S / frame_rate_hz
+        Y = x[nearest[matched]]
     else:
-        found = target_us <= elapsed_us[-1]
-        Y = np.column_stack([np.interp(target_us[found], elapsed_us, c) for c in x.T])
-    X, Y = _shift_angles(x[found], Y)
-    return Pairs(X, Y, utime[found])
+        matched = target_us <= elapsed_us[-1]
+        Y = np.column_stack([np.interp(target_us[matched], elapsed_us, c) for c in x.T])
+    X, Y = _shift_angles(x[matched], Y)
+    return Pairs(X, Y, utime[matched])
 
 
 def _shift_angles(X: Array, Y: Array) -> tuple[Array, Array]:

@@ -23,19 +23,19 @@ class Recording:
     path
         The log.
     config
-        Of the lab that recorded it.
+        Configuration of the lab that recorded it.
     robot_name
-        Whose it is.
+        Name of the robot.
     settings
         How it is processed.
     marker
         Where on the robot the tracked frame is.
     runs
-        Those that are complete, in order of time.
+        Complete runs, in order of time.
     given_up
-        How many are not.
+        Number of runs that are not complete.
     segments
-        Of the complete runs, in order of time; the poses are the robot's if
+        Segments of the complete runs, in order of time; the poses are the robot's if
         ``settings.remove_marker_offset`` says so and the marker offset is known, and those of the
         tracked frame otherwise.
     """
@@ -49,7 +49,7 @@ class Recording:
     given_up: int
     segments: list[Segment]
 
-    def of(self, basis_index: int) -> list[Segment]:
+    def segments_of(self, basis_index: int) -> list[Segment]:
         """Return the segments under one basis input."""
         return [s for s in self.segments if s.run.basis_index == basis_index]
 

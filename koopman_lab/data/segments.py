@@ -16,7 +16,7 @@ from koopman_lab.data.message_arrays import StructuredArray
 from koopman_lab.units import US_PER_S
 
 LONGEST_STEP = 1.5
-"""In frame times: a longer step from one frame to the next bridges a missing frame."""
+"""A longer step from one frame to the next, in frame times, bridges a missing frame."""
 
 
 class Run(NamedTuple):
@@ -70,8 +70,8 @@ def completed(runs: Sequence[Run], states: StructuredArray) -> list[Run]:
         first = np.searchsorted(utime, run.start_us)
         after = np.searchsorted(utime, run.end_us)
         # A run whose end was not seen ends with a state of its own; the next one tells.
-        tells = done[after : after + 2].max(initial=done[first])
-        if tells > done[first]:
+        newest_count = done[after : after + 2].max(initial=done[first])
+        if newest_count > done[first]:
             kept.append(run)
     return kept
 

@@ -44,7 +44,7 @@ def open_source(
     path
         A log, the folder that holds ``session.lcm``, a ``.npz`` file, or a folder of X_i.dat.
     robot_kind
-        Whose states a folder of .dat files holds, where it does not say so.
+        The robot of a folder of .dat files, where the folder does not say it.
     dt_s, window
         Sampling time (s) and smoothing window (frames) in place of the session's.
     salvage
@@ -66,9 +66,9 @@ def open_source(
         log = SessionLog(path, salvage=salvage)
         config = log.config()
         dataset = DataSet.from_log(log, config, dt_s=dt_s, window=window)
-        _check(log.path, dataset, robot_kind, dt_s, window)
+        _require_processing(log.path, dataset, robot_kind, dt_s, window)
         return Source(dataset, config.model.dictionary, log.path, log.path.parent, log.passed_over)
-    _check(path, dataset, robot_kind, dt_s, window)
+    _require_processing(path, dataset, robot_kind, dt_s, window)
     name = load_config(robot=dataset.robot_kind).model.dictionary
     return Source(dataset, name, file, folder, None)
 
@@ -79,18 +79,18 @@ def window_of(dataset: DataSet) -> int | None:
     return processing.get("smoothing_window") if isinstance(processing, dict) else None
 
 
-def _check(
+def _require_processing(
     path: Path,
     dataset: DataSet,
     robot_kind: str | None,
     dt_s: float | None,
     window: int | None,
 ) -> None:
-    made = {"--robot": dataset.robot_kind, "--dt": dataset.dt_s, "--window": window_of(dataset)}
-    asked = {"--robot": robot_kind, "--dt": dt_s, "--window": window}
-    for flag, value in asked.items():
-        if value is not None and value != made[flag]:
-            known = "unknown" if made[flag] is None else made[flag]
+    present = {"--robot": dataset.robot_kind, "--dt": dataset.dt_s, "--window": window_of(dataset)}
+    requested = {"--robot": robot_kind, "--dt": dt_s, "--window": window}
+    for flag, value in requested.items():
+        if value is not None and value != present[flag]:
+            known = "unknown" if present[flag] is None else present[flag]
             raise DataError(
                 f"{path}: its data are of {flag} {known}, not {value}; leave out {flag} (only a "
                 "session can be processed in another way)"

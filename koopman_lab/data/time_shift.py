@@ -9,7 +9,7 @@ from koopman_lab.data.dataset import DataSet
 from koopman_lab.units import US_PER_S
 
 LARGEST_TIME_ERROR = 0.01
-"""In sampling times: what counts as the same time."""
+"""How far apart times may be, in sampling times, and count as the same."""
 
 
 def shifted_pairs(
@@ -24,7 +24,7 @@ def shifted_pairs(
     dataset
         Pairs in any order.
     index
-        Of the basis input.
+        Index of the basis input.
     ahead_us
         How much later, in us.
     """
@@ -36,12 +36,12 @@ def shifted_pairs(
     _, runs = np.unique(dataset.segments[index], return_inverse=True)
     keys = runs * apart_us + (times - times.min())
     order = np.argsort(keys, kind="stable")
-    wanted = keys + ahead_us
-    after = np.searchsorted(keys, wanted, sorter=order)
+    targets = keys + ahead_us
+    after = np.searchsorted(keys, targets, sorter=order)
     later = order[np.minimum(after, len(order) - 1)]
     earlier = order[np.maximum(after - 1, 0)]
-    nearer = np.abs(keys[earlier] - wanted) < np.abs(keys[later] - wanted)
+    nearer = np.abs(keys[earlier] - targets) < np.abs(keys[later] - targets)
     ends = np.where(nearer, earlier, later)
     allowed_us = LARGEST_TIME_ERROR * dataset.dt_s * US_PER_S
-    starts = np.flatnonzero(np.abs(keys[ends] - wanted) <= allowed_us)
+    starts = np.flatnonzero(np.abs(keys[ends] - targets) <= allowed_us)
     return starts, ends[starts]

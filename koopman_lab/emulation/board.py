@@ -6,7 +6,8 @@ from collections.abc import Callable
 from functools import partial
 
 import lcmtypes
-from koopman_lab.bus.channels import FAULT, Channel, M
+from koopman_lab.bus.channel import Channel, M
+from koopman_lab.bus.channels import FAULT
 from koopman_lab.bus.header import restamp
 from koopman_lab.bus.node import RawHandler, Tick
 from koopman_lab.bus.port import BasePort, Wrap
@@ -27,7 +28,7 @@ class EmulatedBoard:
     Parameters
     ----------
     port
-        Of the bus.
+        The port of the bus.
     simulation
         How good radio and clock are, and what goes wrong by itself, counted from now.
     seed
@@ -64,16 +65,16 @@ class EmulatedBoard:
             if at_us <= now_us:
                 port.send(name, data)
             else:
-                port.later(at_us, lambda data, _: port.send(name, data), data)
+                port.deliver_at(at_us, lambda data, _: port.send(name, data), data)
 
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
         """Call ``handler`` with every decoded message of a channel, as it arrives at the board."""
-        self._receive(channel)
+        self._route(channel)
         self._port.subscribe(channel, handler)
 
     def subscribe_raw(self, channel: Channel[M], handler: RawHandler) -> None:
         """Call ``handler`` with every message of a channel as bytes, and the board's time."""
-        self._receive(channel)
+        self._route(channel)
         read = self._clock.read
         self._port.subscribe_raw(channel, lambda name, data, at: handler(name, data, read(at)))
 
@@ -86,25 +87,25 @@ class EmulatedBoard:
         read = self._clock.read
         self._port.every(rate_hz, lambda bus_us: tick(read(bus_us)))
 
-    def _receive(self, channel: Channel[M]) -> None:
+    def _route(self, channel: Channel[M]) -> None:
         """Let a channel's messages come by radio, or be stamped where the board reads them."""
         subscription = self._port.subscription(channel)
         if channel.wired:
             subscription.amend = self._restamped
         else:
-            subscription.arrive = partial(self._by_radio, subscription.receive)
+            subscription.arrive = partial(self._deliver_by_radio, subscription.receive)
 
     def _restamped(self, data: bytes, utime: int) -> bytes:
         return restamp(data, self._clock.read(utime))
 
-    def _by_radio(self, receive: Deliver, data: bytes, sent_us: int) -> None:
+    def _deliver_by_radio(self, receive: Deliver, data: bytes, sent_us: int) -> None:
         """Hand a message over once it has arrived: later, twice, or never."""
         loss = self._faults.at(sent_us).loss
         for at_us in self._radio.to_robot.arrivals(sent_us, loss):
             if at_us <= sent_us:
                 receive(data, at_us)
             else:
-                self._port.later(at_us, receive, data)
+                self._port.deliver_at(at_us, receive, data)
 
     def _on_fault(self, message: lcmtypes.fault_t) -> None:
         fault = fault_of(message)

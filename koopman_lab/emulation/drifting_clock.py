@@ -1,4 +1,4 @@
-"""A node's own clock, where it is not the desk's."""
+"""The clock of a simulated board, which is wrong by an offset and a drift."""
 
 from __future__ import annotations
 

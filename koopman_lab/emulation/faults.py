@@ -13,9 +13,9 @@ from koopman_lab.config.simulation import FAULT_DETAILS, Fault, FaultKind, Plann
 from koopman_lab.units import US_PER_S
 
 KINDS: tuple[FaultKind, ...] = get_args(FaultKind)
-"""By the numbers of ``fault_t``."""
+"""Kinds of faults, in the order of their numbers in ``fault_t``."""
 WHEELS = ("both", "left", "right")
-"""By the numbers of ``fault_t``."""
+"""Choices of wheels, in the order of their numbers in ``fault_t``."""
 
 
 class Effects(NamedTuple):
@@ -92,7 +92,7 @@ class Faults:
         if now_us >= self.change_us:
             self._spans = [span for span in self._spans if span.end_us > now_us]
             under_way = [span.fault for span in self._spans if span.start_us <= now_us]
-            self.effects = _together(under_way) if under_way else NO_EFFECTS
+            self.effects = _combined(under_way) if under_way else NO_EFFECTS
             changes = (t for span in self._spans for t in (span.start_us, span.end_us))
             self.change_us = min((t for t in changes if t > now_us), default=math.inf)
         return self.effects
@@ -116,13 +116,13 @@ def fault_of(message: lcmtypes.fault_t) -> Fault | None:
     if not (0 <= message.kind < len(KINDS) and 0 <= message.wheel < len(WHEELS)):
         return None
     kind = KINDS[message.kind]
-    said = {
+    values = {
         "wheel": WHEELS[message.wheel],
         "battery_v": message.battery_v,
         "loss": message.loss,
         "jump_s": message.jump_s,
     }
-    details = {name: said[name] for name in FAULT_DETAILS[kind]}
+    details = {name: values[name] for name in FAULT_DETAILS[kind]}
     try:
         return Fault.model_validate({"kind": kind, "duration_s": message.duration_s} | details)
     except ValidationError:
@@ -134,14 +134,14 @@ def _span(fault: Fault, start_us: float) -> _Span:
     return _Span(start_us, start_us + lasts_s * US_PER_S, fault)
 
 
-def _together(faults: Iterable[Fault]) -> Effects:
+def _combined(faults: Iterable[Fault]) -> Effects:
     effects = NO_EFFECTS
     for fault in faults:
-        effects = _add(effects, fault)
+        effects = _with_fault(effects, fault)
     return effects
 
 
-def _add(effects: Effects, fault: Fault) -> Effects:
+def _with_fault(effects: Effects, fault: Fault) -> Effects:
     effects = effects._replace(kinds=effects.kinds | 1 << KINDS.index(fault.kind))
     left, right = fault.wheel in ("left", "both"), fault.wheel in ("right", "both")
     if fault.kind == "occlusion":

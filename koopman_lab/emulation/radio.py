@@ -11,7 +11,7 @@ from koopman_lab.config import simulation
 from koopman_lab.units import US_PER_S
 
 SEED_STREAM = 3
-"""Among the generators that grow from ``config.seed``."""
+"""Number of the radio's among the generators that grow from ``config.seed``."""
 
 
 class Radio:

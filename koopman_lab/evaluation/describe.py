@@ -11,8 +11,8 @@ from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.source import window_of
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.koopman.excitation import excitation
+from koopman_lab.koopman.lifted_samples import add_samples, lifted_samples
 from koopman_lab.koopman.moments import Moments
-from koopman_lab.koopman.samples import add_samples, samples
 
 
 def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:
@@ -34,10 +34,10 @@ def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:
     for index, u in sorted(dataset.basis_inputs.items()):
         X, Y = dataset.X[index], dataset.Y[index]
         moments = Moments(observables.size)
-        add_samples(moments, samples(dataset, index, observables))
-        found = asdict(excitation(moments))
-        if not np.isfinite(found["condition"]):
-            found["condition"] = None
+        add_samples(moments, lifted_samples(dataset, index, observables))
+        excited = asdict(excitation(moments))
+        if not np.isfinite(excited["condition"]):
+            excited["condition"] = None
         bases[str(index)] = {
             "input": u.tolist(),
             "pairs": len(X),
@@ -47,7 +47,7 @@ def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:
                 for name, x in zip(names, X.T, strict=True)
             },
             "angles_continued": int(np.count_nonzero(np.abs(Y[:, 2]) > np.pi)),
-            "excitation": found,
+            "excitation": excited,
         }
     return {
         "robot": dataset.robot_kind,

@@ -17,10 +17,10 @@ Array = NDArray[np.float64]
 EVERY = 5
 """Every fifth run of each basis input is held out."""
 MOST_STARTS = 2000
-"""Of predictions for each basis input; more change nothing."""
+"""Largest number of predictions for each basis input; more change nothing."""
 
 Runs = dict[int, NDArray[np.int64]]
-"""By basis index: numbers of runs (k,)."""
+"""Maps a basis index to numbers of runs (k,)."""
 
 
 def held_out_runs(dataset: DataSet, every: int = EVERY) -> Runs:
@@ -28,13 +28,14 @@ def held_out_runs(dataset: DataSet, every: int = EVERY) -> Runs:
     return {i: np.unique(numbers)[every - 1 :: every] for i, numbers in dataset.segments.items()}
 
 
-def split(dataset: DataSet, held: Runs) -> tuple[DataSet, DataSet]:
+def split(dataset: DataSet, held_out: Runs) -> tuple[DataSet, DataSet]:
     """Return the data set without, and with only, these runs."""
-    inside = {i: np.isin(numbers, held[i]) for i, numbers in dataset.segments.items()}
-    return only(dataset, {i: ~mask for i, mask in inside.items()}), only(dataset, inside)
+    inside = {i: np.isin(numbers, held_out[i]) for i, numbers in dataset.segments.items()}
+    outside = {i: ~mask for i, mask in inside.items()}
+    return select_pairs(dataset, outside), select_pairs(dataset, inside)
 
 
-def only(dataset: DataSet, chosen: dict[int, NDArray[np.bool_]]) -> DataSet:
+def select_pairs(dataset: DataSet, chosen: dict[int, NDArray[np.bool_]]) -> DataSet:
     """Return the data set with the chosen pairs (d,) of each basis input."""
     return replace(
         dataset,
@@ -54,21 +55,21 @@ def errors(model: LearnedModel, dataset: DataSet, steps: int) -> Errors | None:
     Parameters
     ----------
     model
-        What predicts, with reprojection.
+        The model, which predicts with reprojection.
     dataset
         Has runs of the basis inputs.
     steps
         How far ahead, at least 1.
     """
-    found = [np.zeros((0, len(measures(model.robot))))]
+    parts = [np.zeros((0, len(measures(model.robot))))]
     for index, u in dataset.basis_inputs.items():
         starts, ends = _matched(dataset, index, steps)
         if not len(starts):
             continue
         x0, x_end = dataset.X[index][starts], dataset.Y[index][ends]
         inputs = np.broadcast_to(u, (len(x0), steps, len(u)))
-        found.append(deviations(model.predict(x0, inputs)[:, -1], x_end, model.robot))
-    return summary(np.concatenate(found), steps)
+        parts.append(deviations(model.predict(x0, inputs)[:, -1], x_end, model.robot))
+    return summary(np.concatenate(parts), steps)
 
 
 def _matched(dataset: DataSet, index: int, steps: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Predict = Callable[[Array, Array], Array]
 """From states (N, n) and inputs (N, H, m) to the states (N, H + 1, n), the first ones included."""
 
-AT_ONCE = 4096
+BATCH = 4096
 """Predictions made in one go; more need more memory and take no less time."""
 
 
@@ -44,7 +44,7 @@ MEASURES = (
 
 @dataclass(frozen=True)
 class Errors:
-    """Of predictions ``steps`` sampling times ahead, from ``starts`` states.
+    """Errors of predictions ``steps`` sampling times ahead, from ``starts`` states.
 
     For the distance (m), the difference of the angle (rad), and those of v (m/s) and omega
     (rad/s): mean, median, 95th percentile, and maximum. None for v and omega of robots whose state
@@ -131,38 +131,41 @@ def deviations(predicted: Array, true: Array, robot: RobotType) -> Array:
     predicted, true
         States (..., n).
     robot
-        Whose states; v and omega count where they hold them.
+        The robot; v and omega count where its states hold them.
     """
-    off = predicted - true
-    distance, angle = np.hypot(off[..., 0], off[..., 1]), np.abs(wrap_angle(off[..., 2]))
-    speeds = np.abs(off[..., list(robot.speeds_at)])
+    difference = predicted - true
+    distance, angle = (
+        np.hypot(difference[..., 0], difference[..., 1]),
+        np.abs(wrap_angle(difference[..., 2])),
+    )
+    speeds = np.abs(difference[..., list(robot.speeds_at)])
     return np.concatenate([np.stack([distance, angle], axis=-1), speeds], axis=-1)
 
 
-def rolling(predict: Predict, starts: Starts, robot: RobotType) -> Array:
+def rolling_deviations(predict: Predict, starts: Starts, robot: RobotType) -> Array:
     """Return the deviations (N, H, 2 or 4) of predictions from all states along trajectories.
 
     NaN where the truth is not known.
     """
-    found = [np.zeros((0, starts.horizon, len(measures(robot))))]
-    for begin in range(0, len(starts.x0), AT_ONCE):
-        part = slice(begin, begin + AT_ONCE)
+    batches = [np.zeros((0, starts.horizon, len(measures(robot))))]
+    for begin in range(0, len(starts.x0), BATCH):
+        part = slice(begin, begin + BATCH)
         predicted = predict(starts.x0[part], starts.inputs[part])
-        found.append(deviations(predicted[:, 1:], starts.truth[part], robot))
-    return np.concatenate(found)
+        batches.append(deviations(predicted[:, 1:], starts.truth[part], robot))
+    return np.concatenate(batches)
 
 
-def summary(found: Array, steps: int) -> Errors | None:
+def summary(rows: Array, steps: int) -> Errors | None:
     """Return what deviations (N, 2 or 4) come to; None if no truth is known.
 
     Parameters
     ----------
-    found
-        From :func:`deviations`, of one number of steps.
+    rows
+        Deviations after one number of steps, from :func:`deviations`.
     steps
         How far ahead they were predicted.
     """
-    known = found[np.isfinite(found).all(axis=-1)]
+    known = rows[np.isfinite(rows).all(axis=-1)]
     if not len(known):
         return None
     mean, largest = known.mean(axis=0), known.max(axis=0)
@@ -171,15 +174,15 @@ def summary(found: Array, steps: int) -> Errors | None:
     return Errors(steps, len(known), *table.ravel().tolist())
 
 
-def along(found: Array, starts: Starts, bin_s: float) -> tuple[Array, Array, Array]:
+def errors_over_time(rolled: Array, starts: Starts, bin_s: float) -> tuple[Array, Array, Array]:
     """Return how deviations go along a trajectory: over all runs, by the time of their starts.
 
     Parameters
     ----------
-    found
-        From :func:`rolling`.
+    rolled
+        From :func:`rolling_deviations`.
     starts
-        What they belong to.
+        What the deviations start from.
     bin_s
         Starts so close in time (s) count as one.
 
@@ -190,7 +193,7 @@ def along(found: Array, starts: Starts, bin_s: float) -> tuple[Array, Array, Arr
     numbers = np.rint(starts.time_s / bin_s).astype(np.int64)
     order = np.argsort(numbers, kind="stable")
     bins, first = np.unique(numbers[order], return_index=True)
-    values, known = found[order], np.isfinite(found[order])
+    values, known = rolled[order], np.isfinite(rolled[order])
     count = np.add.reduceat(known, first, axis=0, dtype=float)
     total = np.add.reduceat(np.where(known, values, 0.0), first, axis=0)
     mean = np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0.0)
@@ -198,6 +201,6 @@ def along(found: Array, starts: Starts, bin_s: float) -> tuple[Array, Array, Arr
     return (bins * bin_s).astype(np.float64), mean, largest
 
 
-def per_step(found: Array) -> Sequence[Errors | None]:
+def per_step(rolled: Array) -> Sequence[Errors | None]:
     """Return the errors of 1, 2, ..., H steps from the deviations (N, H, 2 or 4)."""
-    return [summary(found[:, k], k + 1) for k in range(found.shape[1])]
+    return [summary(rolled[:, k], k + 1) for k in range(rolled.shape[1])]

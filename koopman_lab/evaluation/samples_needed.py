@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import DataError
 from koopman_lab.evaluation.heldout import errors, held_out_runs, split
+from koopman_lab.koopman.basis_fit import fit_all, moments_of
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import Dictionary
-from koopman_lab.koopman.samples import samples
-from koopman_lab.koopman.train import Method, fit_all, moments_of
+from koopman_lab.koopman.lifted_samples import lifted_samples
+from koopman_lab.koopman.training_report import Method
 
 COUNTS = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
 STEPS = 20
@@ -57,9 +58,9 @@ def counts_of(dataset: DataSet) -> list[int]:
     return [count for count in COUNTS if count < largest] + [largest]
 
 
-def needed(
+def errors_by_count(
     dataset: DataSet,
-    own: Dictionary,
+    dictionary: Dictionary,
     counts: Sequence[int],
     repetitions: int,
     *,
@@ -71,17 +72,17 @@ def needed(
     Parameters
     ----------
     dataset
-        Of a session; every fifth run is held out.
-    own
+        Pairs of a session; every fifth run is held out.
+    dictionary
         The dictionary; where it cannot be symmetric, leave those methods out.
     counts
         Samples for each basis input.
     repetitions
         Draws for each count.
     methods
-        Of :data:`METHODS`.
+        Names from :data:`METHODS`.
     seed
-        Of the draws: all methods see the same runs.
+        Seed of the draws: all methods see the same runs.
 
     Raises
     ------
@@ -89,33 +90,38 @@ def needed(
         If the data do not say what instruments need to know, or the dictionary cannot be
         symmetric.
     """
-    rest, held = split(dataset, held_out_runs(dataset))
+    training, held_out = split(dataset, held_out_runs(dataset))
     for name in methods:
         method = METHODS[name]
-        pool = {index: samples(rest, index, own, method.estimator) for index in rest.X}
+        pool = {
+            index: lifted_samples(training, index, dictionary, method.estimator)
+            for index in training.X
+        }
         for count in counts:
-            found, refused = [], 0
+            mean_errors, refused = [], 0
             for repetition in range(repetitions):
                 rng = np.random.default_rng([seed, count, repetition])
                 moments = {
-                    i: moments_of(own, of.only(draw(of.segments, count, rng, bootstrap=True)))
-                    for i, of in pool.items()
+                    i: moments_of(
+                        dictionary, lifted.select(draw(lifted.segments, count, rng, bootstrap=True))
+                    )
+                    for i, lifted in pool.items()
                 }
                 try:
-                    matrices, inputs, _ = fit_all(own, _inputs(rest), moments, method)
+                    matrices, inputs, _ = fit_all(dictionary, _inputs(training), moments, method)
                 except DataError:
                     refused += 1
                     continue
-                model = BilinearModel(own, matrices, inputs, rest.dt_s, {})
+                model = BilinearModel(dictionary, matrices, inputs, training.dt_s, {})
                 with np.errstate(over="ignore", invalid="ignore"):
-                    ahead = errors(model, held, STEPS)
+                    ahead = errors(model, held_out, STEPS)
                 if ahead is None:
                     raise DataError(
                         f"no held-out run is {STEPS} sampling times long; record longer ones "
                         "(sampler.largest_steps)"
                     )
-                found.append((ahead.position_mean_m, ahead.angle_mean_rad))
-            yield NeededRow(name, count, repetitions, refused, *_bands(found))
+                mean_errors.append((ahead.position_mean_m, ahead.angle_mean_rad))
+            yield NeededRow(name, count, repetitions, refused, *_bands(mean_errors))
 
 
 def draw(
@@ -128,9 +134,9 @@ def draw(
     segments
         The run of each sample (d,).
     count
-        Of samples.
+        Number of samples.
     rng
-        Draws.
+        Generator of the draws.
     bootstrap
         Whether the runs are drawn first, with replacement; without it no sample comes twice.
     """
@@ -143,11 +149,11 @@ def draw(
 
 
 def _bands(
-    found: list[tuple[float, float]],
+    mean_errors: list[tuple[float, float]],
 ) -> tuple[tuple[float, float, float] | None, tuple[float, float, float] | None]:
-    if not found:
+    if not mean_errors:
         return None, None
-    position, angle = np.nan_to_num(np.array(found), nan=np.inf).T
+    position, angle = np.nan_to_num(np.array(mean_errors), nan=np.inf).T
     return _percentiles(position), _percentiles(angle)
 
 

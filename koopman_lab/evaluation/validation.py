@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from koopman_lab.data.reference import ReferenceRuns
+from koopman_lab.data.reference_runs import ReferenceRuns
 from koopman_lab.errors import DataError, ModelError
 from koopman_lab.evaluation.metrics import (
     Errors,
@@ -15,9 +15,9 @@ from koopman_lab.evaluation.metrics import (
     by_model,
     by_nominal,
     per_step,
-    rolling,
+    rolling_deviations,
 )
-from koopman_lab.evaluation.rolling import starts_along
+from koopman_lab.evaluation.trajectory_starts import starts_along
 from koopman_lab.geometry.planar import ORIGIN, Pose
 from koopman_lab.predictors.predictor import LearnedModel
 
@@ -25,7 +25,7 @@ NOMINAL = "nominal"
 
 
 @dataclass(frozen=True)
-class Predictor:
+class ComparedPredictor:
     """Something that predicts, by the name of its model.
 
     ``dictionary`` is that of a model or, of one that has none, its name; None for the nominal
@@ -94,13 +94,13 @@ def require_robot(models: Mapping[str, LearnedModel], runs: ReferenceRuns) -> No
             )
 
 
-def predictors(models: Mapping[str, LearnedModel]) -> list[Predictor]:
+def predictors(models: Mapping[str, LearnedModel]) -> list[ComparedPredictor]:
     """Return each model, with and without reprojection if it lifts, and the nominal equations.
 
     The nominal equations see the runs as the first model does.
     """
-    found = [
-        Predictor(
+    learned = [
+        ComparedPredictor(
             name,
             by_model(model, reproject=reproject is not False),
             model.name,
@@ -112,15 +112,15 @@ def predictors(models: Mapping[str, LearnedModel]) -> list[Predictor]:
     ]
     first = next(iter(models.values()))
     nominal = by_nominal(first.robot, common_dt_s(models))
-    return [*found, Predictor(NOMINAL, nominal, marker_offset=first.marker_offset)]
+    return [*learned, ComparedPredictor(NOMINAL, nominal, marker_offset=first.marker_offset)]
 
 
 def starts_by_offset(
-    found: Sequence[Predictor], runs: ReferenceRuns, steps: int, dt_s: float
+    compared: Sequence[ComparedPredictor], runs: ReferenceRuns, steps: int, dt_s: float
 ) -> dict[Pose, Starts]:
     """Return what predictors start from, by their marker offsets."""
     rate_hz = runs.config.mocap.rate_hz
-    offsets = dict.fromkeys(predictor.marker_offset for predictor in found)
+    offsets = dict.fromkeys(predictor.marker_offset for predictor in compared)
     return {o: starts_along(runs.trajectories(o), steps, dt_s, rate_hz) for o in offsets}
 
 
@@ -134,7 +134,7 @@ def validate(
     models
         At least one, all of the session's robot and of one sampling time.
     runs
-        Of the session.
+        Reference runs of the session.
     steps
         How far ahead to predict, at least 1.
 
@@ -147,14 +147,14 @@ def validate(
     """
     require_robot(models, runs)
     dt_s = common_dt_s(models)
-    wanted = predictors(models)
-    starts = starts_by_offset(wanted, runs, steps, dt_s)
+    compared = predictors(models)
+    starts = starts_by_offset(compared, runs, steps, dt_s)
     if not all(len(s.x0) for s in starts.values()):
         raise DataError(
             f"{runs.path}: no two states {dt_s:g} s apart in its runs; see whether the cameras "
             "saw the robot, and lower --window if it is wide"
         )
-    for predictor in wanted:
+    for predictor in compared:
         yield Validation(
             str(runs.path),
             runs.shape,
@@ -163,7 +163,9 @@ def validate(
             predictor.label,
             predictor.dictionary,
             predictor.reprojection,
-            per_step(rolling(predictor.predict, starts[predictor.marker_offset], runs.robot)),
+            per_step(
+                rolling_deviations(predictor.predict, starts[predictor.marker_offset], runs.robot)
+            ),
         )
 
 

@@ -22,8 +22,8 @@ from koopman_lab.eventlog.eventlog import (
     load_log,
     scan,
 )
-from koopman_lab.eventlog.message_blocks import Indices, Messages, take
-from koopman_lab.eventlog.older_layouts import present_messages
+from koopman_lab.eventlog.message_blocks import Indices, Messages, bytes_at
+from koopman_lab.eventlog.older_layouts import messages_in_present_layout
 
 _HEADER = np.dtype(
     [("sync", ">u4"), ("number", ">i8"), ("time", ">i8"), ("name", ">u4"), ("data", ">u4")]
@@ -52,10 +52,10 @@ def index_files(
         index_log(file, log, salvage=salvage, damage=damage)
         for file, log in zip(files, logs, strict=True)
     ]
-    return {name: present_messages(m) for name, m in _together(logs, indexes).items()}
+    return {name: messages_in_present_layout(m) for name, m in _joined(logs, indexes).items()}
 
 
-def _together(logs: Sequence[bytes], indexes: Sequence[dict[str, Messages]]) -> dict[str, Messages]:
+def _joined(logs: Sequence[bytes], indexes: Sequence[dict[str, Messages]]) -> dict[str, Messages]:
     """Return by channel the messages of all files."""
     if len(indexes) == 1:
         return indexes[0]
@@ -68,11 +68,11 @@ def _together(logs: Sequence[bytes], indexes: Sequence[dict[str, Messages]]) -> 
     return {
         name: Messages(
             block,
-            np.concatenate([m.starts for m in those]),
-            np.concatenate([m.stops for m in those]),
-            np.concatenate([m.arrival_us for m in those]),
+            np.concatenate([m.starts for m in parts]),
+            np.concatenate([m.stops for m in parts]),
+            np.concatenate([m.arrival_us for m in parts]),
         )
-        for name, those in sorted(pieces.items())
+        for name, parts in sorted(pieces.items())
     }
 
 
@@ -97,18 +97,18 @@ def index_log(
     LogError
         If the log is damaged and ``salvage`` is False, or holds no intact event.
     """
-    messages = _unbroken(log)
+    messages = _index_unbroken(log)
     if messages is None:
         messages = _event_by_event(path, log, salvage=salvage, damage=damage)
     return dict(sorted(messages.items()))
 
 
-def _unbroken(log: bytes) -> dict[str, Messages] | None:
+def _index_unbroken(log: bytes) -> dict[str, Messages] | None:
     """Return the messages if events follow each other from the first byte to the last."""
     begins = _sync_words(log)
     if not len(begins) or begins[0] != 0:
         return None
-    headers = take(log, begins, _HEADER.itemsize).view(_HEADER)
+    headers = bytes_at(log, begins, _HEADER.itemsize).view(_HEADER)
     sizes = headers["name"].astype(np.int64)
     starts = begins + _HEADER.itemsize + sizes
     stops = starts + headers["data"]
@@ -129,8 +129,8 @@ def _unbroken(log: bytes) -> dict[str, Messages] | None:
     if by_name is None:
         return None
     return {
-        name: Messages(log, starts[those], stops[those], arrival_us[those])
-        for name, those in by_name.items()
+        name: Messages(log, starts[events], stops[events], arrival_us[events])
+        for name, events in by_name.items()
     }
 
 
@@ -143,7 +143,7 @@ def _sync_words(log: bytes) -> Indices:
         for chunk in range(0, len(octets), _CHUNK)
     ]
     candidates = np.concatenate([np.zeros(0, np.int64), *places])
-    offsets: Indices = candidates[take(log, candidates, 4).view(">u4") == SYNC_WORD]
+    offsets: Indices = candidates[bytes_at(log, candidates, 4).view(">u4") == SYNC_WORD]
     return offsets
 
 
@@ -164,7 +164,7 @@ def _by_name(log: bytes, begins: Indices, sizes: Indices) -> dict[str, NDArray[n
     places: dict[str, NDArray[np.intp]] = {}
     for size in np.flatnonzero(np.bincount(sizes)).tolist():
         events = np.flatnonzero(sizes == size)
-        names = take(log, begins[events], size, "S")
+        names = bytes_at(log, begins[events], size, "S")
         while len(events):
             name = channel_name(log[begins[events[0]] : begins[events[0]] + size])
             if not name or len(places) == _MOST_CHANNELS:

@@ -16,15 +16,15 @@ from koopman_lab.eventlog.eventlog import HEADER, LONGEST_NAME, SYNC_WORD
 BUFFER_BYTES = 1 << 16
 
 
-def part(path: Path, number: int) -> Path:
+def numbered_file(path: Path, number: int) -> Path:
     """Return the file of a log with a number; the first, 0, is ``path`` itself."""
     return path.with_name(f"{path.stem}-{number:04d}{path.suffix}") if number else path
 
 
-def parts(path: Path) -> list[Path]:
+def files_of_log(path: Path) -> list[Path]:
     """Return the files of a log in the order they were written; none if there is no log."""
     files: list[Path] = []
-    while (following := part(path, len(files))).exists():
+    while (following := numbered_file(path, len(files))).exists():
         files.append(following)
     return files
 
@@ -90,17 +90,17 @@ class EventLogWriter:
         LogError
             If the disk refuses; the file then ends with the last event handed over before.
         """
-        rest = memoryview(b"".join(self._waiting))
+        unwritten = memoryview(b"".join(self._waiting))
         events, self._waiting = len(self._waiting), []
         try:
-            while rest:
-                rest = rest[self._file.write(rest) :]
+            while unwritten:
+                unwritten = unwritten[self._file.write(unwritten) :]
         except OSError as error:
             self._file.truncate(self._on_disk)
             self._file.seek(self._on_disk)
             self._number -= events
             self.size = self._on_disk
-            raise self._refused(error) from None
+            raise self._write_error(error) from None
         self._on_disk = self.size
 
     def sync(self) -> None:
@@ -115,7 +115,7 @@ class EventLogWriter:
         try:
             os.fsync(self._file.fileno())
         except OSError as error:
-            raise self._refused(error) from None
+            raise self._write_error(error) from None
 
     def close(self) -> None:
         """Write everything to the disk and close the file; a second call does nothing.
@@ -141,7 +141,7 @@ class EventLogWriter:
     ) -> None:
         self.close()
 
-    def _refused(self, error: OSError) -> LogError:
+    def _write_error(self, error: OSError) -> LogError:
         return LogError(
             f"{self._path}: cannot be written after {self._number} events: {error.strerror}; "
             "see whether the disk is full. What was written before is whole"
@@ -169,8 +169,8 @@ class RotatingLogWriter:
     def __init__(self, path: Path, largest_bytes: int, *, resume: bool = False) -> None:
         self._path = path
         self._largest_bytes = largest_bytes
-        self._part = len(parts(path)) if resume else 0
-        self._file = EventLogWriter(part(path, self._part))
+        self._part = len(files_of_log(path)) if resume else 0
+        self._file = EventLogWriter(numbered_file(path, self._part))
 
     def write(self, channel: str, data: bytes, timestamp_us: int) -> int:
         """Append an event; see :meth:`EventLogWriter.write`."""
@@ -178,7 +178,7 @@ class RotatingLogWriter:
         if self._file.size >= self._largest_bytes:
             self._file.close()
             self._part += 1
-            self._file = EventLogWriter(part(self._path, self._part))
+            self._file = EventLogWriter(numbered_file(self._path, self._part))
         return written
 
     def flush(self) -> None:

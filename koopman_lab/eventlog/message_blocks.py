@@ -34,10 +34,10 @@ class Messages:
     @classmethod
     def joined(cls, messages: Iterable[bytes]) -> Messages:
         """Return messages that come from no log; they arrived at time 0."""
-        each = list(messages)
-        sizes = np.array([len(data) for data in each], np.int64)
+        encoded = list(messages)
+        sizes = np.array([len(data) for data in encoded], np.int64)
         stops = np.cumsum(sizes)
-        return cls(b"".join(each), stops - sizes, stops, np.zeros(len(each), np.int64))
+        return cls(b"".join(encoded), stops - sizes, stops, np.zeros(len(encoded), np.int64))
 
     @property
     def sizes(self) -> Indices:
@@ -53,10 +53,10 @@ class Messages:
 
     def heads(self, chosen: NDArray[np.bool_], layout: np.dtype[np.void]) -> NDArray[np.void]:
         """Return how the chosen messages (N,) begin, read with a layout no longer than they are."""
-        return take(self.block, self.starts[chosen], layout.itemsize).view(layout)
+        return bytes_at(self.block, self.starts[chosen], layout.itemsize).view(layout)
 
 
-def take(block: bytes, offsets: Indices, size: int, kind: str = "V") -> NDArray[Any]:
+def bytes_at(block: bytes, offsets: Indices, size: int, kind: str = "V") -> NDArray[Any]:
     """Return the ``size`` > 0 bytes at each offset (N,) as elements of kind ``V`` or ``S``."""
     item = np.dtype(f"{kind}{size}")
     if not len(offsets):

@@ -21,7 +21,7 @@ from koopman_lab.eventlog.message_blocks import Messages
 
 FINGERPRINT_BYTES = 8
 Values = dict[str, Any]
-"""By field: a number, or a list of numbers."""
+"""Maps a field to a number or a list of numbers."""
 
 _FORMATS = {
     "int8_t": "b",
@@ -52,7 +52,7 @@ class OlderLayout(NamedTuple):
     Attributes
     ----------
     message_type
-        Of today.
+        The class of the messages of today.
     fingerprint
         What the older messages begin with.
     fields
@@ -157,7 +157,7 @@ _BY_FINGERPRINT = {layout.fingerprint: layout for layout in OLDER_LAYOUTS}
 _FINGERPRINTS = np.array(list(_BY_FINGERPRINT), f"S{FINGERPRINT_BYTES}")
 
 
-def present(data: bytes) -> bytes:
+def in_present_layout(data: bytes) -> bytes:
     """Return a message in the layout of today; bytes that are of no older layout as they are."""
     layout = _BY_FINGERPRINT.get(data[:FINGERPRINT_BYTES])
     if layout is None:
@@ -173,13 +173,13 @@ def present(data: bytes) -> bytes:
     return encoded
 
 
-def present_messages(messages: Messages) -> Messages:
+def messages_in_present_layout(messages: Messages) -> Messages:
     """Return messages in the layouts of today; the very same ones if none is of an older layout."""
     long_enough = messages.sizes >= FINGERPRINT_BYTES
     heads = messages.heads(long_enough, np.dtype([("fingerprint", _FINGERPRINTS.dtype)]))
     if not np.isin(heads["fingerprint"], _FINGERPRINTS).any():
         return messages
-    translated = Messages.joined(map(present, messages))
+    translated = Messages.joined(map(in_present_layout, messages))
     return Messages(translated.block, translated.starts, translated.stops, messages.arrival_us)
 
 

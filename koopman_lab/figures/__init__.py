@@ -1,1 +1,1 @@
-"""One file a figure."""
+"""Figures of data, models and runs, one file a figure."""

@@ -1,1 +1,1 @@
-"""Dictionaries, EDMD fit, bilinear models."""
+"""Bilinear Koopman models: dictionaries of observables, EDMD fit, and the models themselves."""

@@ -7,13 +7,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, get_args
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.errors import LabError, ModelError
+from koopman_lab.errors import ModelError
 from koopman_lab.geometry.planar import ORIGIN, Pose
+from koopman_lab.koopman.bilinear_model_file import content_of
 from koopman_lab.koopman.combination import (
     PAPER,
     Combination,
@@ -21,15 +22,11 @@ from koopman_lab.koopman.combination import (
     generators,
 )
 from koopman_lab.koopman.dictionary import (
-    DICTIONARIES,
     Dictionary,
-    dictionary,
-    from_expressions,
 )
 from koopman_lab.koopman.expression import Components
 from koopman_lab.koopman.model_file import EDMD, ModelFile, read_model_file, write_model_file
 from koopman_lab.robots.robot_type import RobotType
-from koopman_lab.robots.table import robot_type
 
 Array = NDArray[np.float64]
 
@@ -115,9 +112,9 @@ class BilinearModel:
 
     @cached_property
     def _to_lambdas(self) -> Array:
-        u0, *others = self.basis_inputs
+        u0, *other_inputs = self.basis_inputs
         try:
-            return np.linalg.inv(np.column_stack([u - u0 for u in others]))
+            return np.linalg.inv(np.column_stack([u - u0 for u in other_inputs]))
         except np.linalg.LinAlgError:
             raise ModelError(
                 f"model ({self.dictionary.name}): no input can be told from its basis inputs "
@@ -139,10 +136,10 @@ class BilinearModel:
         """Return M_u (..., M, M) of inputs u (..., m)."""
         from scipy.linalg import expm
 
-        m0, *others = self._combined
+        m0, *other_matrices = self._combined
         lambdas = self.lambdas(u)[..., None, None]
         combined: Array = m0
-        for index, matrix in enumerate(others):
+        for index, matrix in enumerate(other_matrices):
             combined = combined + lambdas[..., index, :, :] * (matrix - m0)
         return combined if self.combination == PAPER else np.asarray(expm(combined))
 
@@ -187,8 +184,13 @@ class BilinearModel:
         columns; in place of the M_i, dt times their generators where those are combined. Models
         of one dictionary and combination differ in nothing else.
         """
-        m0, *others = self._combined
-        parts = (m0, *(matrix - m0 for matrix in others), self._to_lambdas, self.basis_inputs[0])
+        m0, *other_matrices = self._combined
+        parts = (
+            m0,
+            *(matrix - m0 for matrix in other_matrices),
+            self._to_lambdas,
+            self.basis_inputs[0],
+        )
         return np.concatenate([part.ravel(order="F") for part in parts])
 
     def casadi_step(self) -> Callable[[Any, Any, Any], Any]:
@@ -267,52 +269,7 @@ class BilinearModel:
             If it is another predictor's, lacks something, or is of a robot or a dictionary that is
             not known here.
         """
-        path, header = file.path, file.header
-        if header["predictor"] != EDMD:
-            raise ModelError(
-                f"{path}: a model of the predictor {header['predictor']!r}, not {EDMD}"
-            )
-        try:
-            names = header["observables"]
-            matrices, basis_inputs = file.arrays["matrices"], file.arrays["basis_inputs"]
-            _ = header["dictionary"]
-        except KeyError:
-            raise file.damaged from None
-        combination = header.get("combination", PAPER)
-        try:
-            robot_type(header["robot"])
-        except LabError as error:
-            raise ModelError(f"{path}: {error}") from None
-        observables = _dictionary_of(path, header)
-        size = observables.size
-        if list(observables.names) != names or matrices.shape != (
-            *(observables.robot.input_dim + 1, size, size),
-        ):
-            raise ModelError(
-                f"{path}: its observables are not those of {observables.name} here; train it "
-                "again from its session"
-            )
-        if combination not in get_args(Combination):
-            raise ModelError(
-                f"{path}: combination {combination!r} of inputs is not known here; expected "
-                f"{' or '.join(get_args(Combination))}; train it again from its session"
-            )
-        dt_s, metadata = header["dt_s"], header["metadata"]
-        return cls(observables, matrices, basis_inputs, dt_s, metadata, combination)
-
-
-def _dictionary_of(path: Path, header: Mapping[str, Any]) -> Dictionary:
-    """Return the dictionary that a file says: by its expressions, or one known by its name."""
-    try:
-        expressions = header.get("expressions")
-        if expressions is not None and header["dictionary"] not in DICTIONARIES:
-            return from_expressions(header["dictionary"], header["robot"], expressions)
-        return dictionary(header["dictionary"], header["robot"])
-    except ModelError as error:
-        raise ModelError(
-            f"{path}: {error}; a dictionary of your own that is a function must be registered "
-            "before the model is read (koopman_lab.koopman.dictionary.register)"
-        ) from None
+        return cls(**content_of(file)._asdict())
 
 
 def _turns(theta: Any, m: Any) -> Any:

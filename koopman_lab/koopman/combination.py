@@ -25,13 +25,13 @@ PAPER: Combination = "paper"
 
 INTERVALS = 2
 ORDER = 14
-"""Of the Taylor polynomial in each of the intervals.
+"""Order of the Taylor polynomial in each of the intervals.
 
 The remainder is (norm / INTERVALS)^15 / 15! for each of them: below 2e-12 up to a norm of dt L_u
 of 2, below 1e-16 up to 1. Robots of the lab have a norm of about 0.1 (dt omega).
 """
 LARGEST_ERROR = 1e-9
-"""Of expm(logm(M)) against M, relative: more means that M has no usable logarithm."""
+"""Largest relative error of expm(logm(M)) of an M that has a usable logarithm."""
 
 
 def generators(matrices: Array) -> Array:
@@ -44,7 +44,7 @@ def generators(matrices: Array) -> Array:
     """
     from scipy.linalg import expm, logm
 
-    found = []
+    logarithms = []
     for index, matrix in enumerate(matrices):
         values = np.linalg.eigvals(matrix)
         cut = values[(values.real <= 0.0) & (np.abs(values.imag) < 1e-12)]
@@ -61,8 +61,8 @@ def generators(matrices: Array) -> Array:
                 f"M_{index}: its generator gives it back only to {error:.1g}; combine the "
                 "matrices as the paper does (--combination paper)"
             )
-        found.append(logarithm)
-    return np.array(found)
+        logarithms.append(logarithm)
+    return np.array(logarithms)
 
 
 def exponential_action(matrix: Any, psi: Any) -> Any:

@@ -16,7 +16,7 @@ from koopman_lab.robots.robot_type import Array
 TURN_RAD_PER_S = 1.0
 """Yaw rate at which a model is asked to turn on the spot."""
 SPEED_M_PER_S = 0.2
-"""Of the paper's basis inputs: what v*cos(theta) and v*sin(theta) are measured with."""
+"""Speed of the paper's basis inputs, with which v*cos(theta) and v*sin(theta) are measured."""
 ORIENTATIONS = 72
 PAIRS = (("cos(theta)", "sin(theta)"), ("v*cos(theta)", "v*sin(theta)"))
 """Observables that a turn only rotates."""
@@ -40,7 +40,7 @@ def defects(model: BilinearModel) -> Defects | None:
     if model.robot.turn is None:
         return None
     theta = np.linspace(-np.pi, np.pi, ORIENTATIONS, endpoint=False)
-    x, u = _turning(model, theta, 0.0)
+    x, u = _turn_in_place(model, theta, 0.0)
     heading = theta + 0.5 * TURN_RAD_PER_S * model.dt_s
     moved = model.step(x, u)[:, :2]
     sideways = np.abs(-np.sin(heading) * moved[:, 0] + np.cos(heading) * moved[:, 1])
@@ -49,7 +49,7 @@ def defects(model: BilinearModel) -> Defects | None:
     growth = None
     if pair is not None:
         rows = [names.index(name) for name in pair]
-        x, u = _turning(model, theta, SPEED_M_PER_S)
+        x, u = _turn_in_place(model, theta, SPEED_M_PER_S)
         psi = model.dictionary.lift(x)
         after = np.einsum("...ij,...j->...i", model.matrix(u), psi)
         lengths = np.hypot(*after[:, rows].T) / np.hypot(*psi[:, rows].T)
@@ -57,7 +57,7 @@ def defects(model: BilinearModel) -> Defects | None:
     return Defects(float(sideways.max()) / TURN_RAD_PER_S, growth)
 
 
-def _turning(model: BilinearModel, theta: Array, speed: float) -> tuple[Array, Array]:
+def _turn_in_place(model: BilinearModel, theta: Array, speed: float) -> tuple[Array, Array]:
     """Return states (k, n) at the origin and inputs (k, m) that turn with TURN_RAD_PER_S."""
     assert model.robot.turn is not None  # by defects
     rest, u = model.robot.turn(TURN_RAD_PER_S, speed)

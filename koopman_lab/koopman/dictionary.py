@@ -17,8 +17,8 @@ from koopman_lab.robots.robot_type import RobotType
 from koopman_lab.robots.table import robot_type
 
 Array = NDArray[np.float64]
-OWN = "own"
-"""What dictionaries are called that have only expressions: D8own."""
+CUSTOM = "own"
+"""Ends the names of dictionaries that are given as expressions: D8own."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Dictionary:
     constant. ``state_rows`` says where psi holds each state; an angle that psi does not hold
     has row None and follows from ``cosine_row`` and ``sine_row``.
 
-    Of expressions :func:`from_expressions` makes one; a function of one's own goes in here
+    :func:`from_expressions` makes one of expressions; a function of one's own goes in here
     directly, and :func:`register` makes it known by name.
     """
 
@@ -50,8 +50,8 @@ class Dictionary:
     @property
     def expressions(self) -> tuple[str, ...] | None:
         """Return the observables as expressions, None where they are a function of one's own."""
-        given = self.observables
-        return given.texts if isinstance(given, Expressions) else None
+        observables = self.observables
+        return observables.texts if isinstance(observables, Expressions) else None
 
     @property
     def size(self) -> int:
@@ -111,7 +111,7 @@ def from_expressions(name: str, kind: str, expressions: Sequence[str]) -> Dictio
     name
         What to call it.
     kind
-        Whose states: the robot's name.
+        Name of the robot whose states the expressions use.
     expressions
         The constant ``1`` first; see :mod:`koopman_lab.koopman.expression` for what is allowed.
 
@@ -122,18 +122,18 @@ def from_expressions(name: str, kind: str, expressions: Sequence[str]) -> Dictio
         cannot be told from the observables.
     """
     states = robot_type(kind).state_names
-    known: list[str] = []
+    spellings: list[str] = []
     for text in expressions:
         spelled = canonical(text, states)
-        if spelled in known:
+        if spelled in spellings:
             raise ModelError(f"dictionary {name}: observable {text!r} occurs twice; drop one")
-        known.append(spelled)
-    if not known or known[0] not in ("1", "1.0"):
+        spellings.append(spelled)
+    if not spellings or spellings[0] not in ("1", "1.0"):
         raise ModelError(
             f"dictionary {name}: the first observable is "
-            f"{expressions[0] if known else 'missing'!r}, expected the constant '1'"
+            f"{expressions[0] if spellings else 'missing'!r}, expected the constant '1'"
         )
-    rows = {text: row for row, text in enumerate(known)}
+    rows = {text: row for row, text in enumerate(spellings)}
     missing = [state for state in states if state not in rows and state != "theta"]
     if missing:
         raise ModelError(
@@ -160,7 +160,7 @@ def from_expressions(name: str, kind: str, expressions: Sequence[str]) -> Dictio
 _STATE = ("1", *DYNAMIC.state_names)
 
 D5T = from_expressions("D5t", KINEMATIC.name, ("1", "x1", "x2", "cos(theta)", "sin(theta)"))
-"""Of section 3.4, eq. D5t_kinematic."""
+"""The kinematic robot's dictionary of section 3.4, eq. D5t_kinematic."""
 D6_EULER = from_expressions(
     "D6Eul", KINEMATIC.name, ("1", "x1", "x2", "theta", "cos(theta)", "sin(theta)")
 )
@@ -174,7 +174,7 @@ D7_MONOMIAL = from_expressions(
 )
 """Monomials of the orientation up to order four, as section 3.4 names them of the earlier study."""
 D8_EULER = from_expressions("D8Eul", DYNAMIC.name, (*_STATE, "v*cos(theta)", "v*sin(theta)"))
-"""Of section 3.4, eq. dict_Euler; those below of eq. dict_2order."""
+"""From section 3.4, eq. dict_Euler; the dictionaries below are from eq. dict_2order."""
 D10_MONOMIAL = from_expressions(
     "D10m", DYNAMIC.name, (*_STATE, "v*omega", "v*theta^2", "v*theta^3", "v*theta^4")
 )
@@ -209,7 +209,7 @@ DICTIONARIES = {
 }
 
 
-def register(own: Dictionary) -> None:
+def register(custom: Dictionary) -> None:
     """Make a dictionary known by its name, to :func:`dictionary` and to model files.
 
     Raises
@@ -217,17 +217,17 @@ def register(own: Dictionary) -> None:
     ModelError
         If another one has the name already, or its rows do not fit its robot.
     """
-    known = DICTIONARIES.get(own.name, own)
-    if known != own:
-        raise ModelError(f"dictionary {own.name!r}: there is one of this name; choose another")
-    angle = own.state_rows[2] if own.state_dim > 2 else None
-    turned = own.cosine_row is not None and own.sine_row is not None
-    if own.state_dim != own.robot.state_dim or (angle is None and not turned):
+    registered = DICTIONARIES.get(custom.name, custom)
+    if registered != custom:
+        raise ModelError(f"dictionary {custom.name!r}: there is one of this name; choose another")
+    angle = custom.state_rows[2] if custom.state_dim > 2 else None
+    has_direction_rows = custom.cosine_row is not None and custom.sine_row is not None
+    if custom.state_dim != custom.robot.state_dim or (angle is None and not has_direction_rows):
         raise ModelError(
-            f"dictionary {own.name!r}: state_rows need a row for each state of the {own.kind} "
-            "robot; None only for theta, and then cosine_row and sine_row"
+            f"dictionary {custom.name!r}: state_rows need a row for each state of the "
+            f"{custom.kind} robot; None only for theta, and then cosine_row and sine_row"
         )
-    DICTIONARIES[own.name] = own
+    DICTIONARIES[custom.name] = custom
 
 
 def dictionary(name: str, kind: str) -> Dictionary:
@@ -241,7 +241,7 @@ def dictionary(name: str, kind: str) -> Dictionary:
     """
     if "," in name:
         expressions = split(name)
-        return from_expressions(f"D{len(expressions)}{OWN}", kind, expressions)
+        return from_expressions(f"D{len(expressions)}{CUSTOM}", kind, expressions)
     fitting = [d for d in DICTIONARIES.values() if d.kind == kind]
     for candidate in fitting:
         if candidate.name == name:

@@ -28,7 +28,7 @@ OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 }
 LARGEST_POWER = 9
 LONGEST = 200
-"""In characters; deeper nesting than that allows is never needed."""
+"""Largest number of characters; deeper nesting than that allows is never needed."""
 
 
 def split(text: str) -> tuple[str, ...]:
@@ -61,8 +61,8 @@ class Expressions:
 
     def __call__(self, x: Components, m: Any) -> Components:
         """Return the values for components ``x``, with the functions of NumPy or CasADi."""
-        known: dict[str, Any] = dict(zip(self.variables, x, strict=True)) | {"pi": math.pi}
-        return [_value(tree, m, known) for tree in self._trees()]
+        values: dict[str, Any] = dict(zip(self.variables, x, strict=True)) | {"pi": math.pi}
+        return [_value(tree, m, values) for tree in self._trees()]
 
     def _trees(self) -> list[ast.expr]:
         return [_parse(text, self.variables) for text in self.texts]
@@ -84,29 +84,29 @@ def _spelled(node: ast.expr) -> str:
     return ast.unparse(node)
 
 
-def _value(node: ast.expr, m: Any, known: dict[str, Any]) -> Any:
+def _value(node: ast.expr, m: Any, values: dict[str, Any]) -> Any:
     """Evaluate a checked tree; what occurs twice is computed once and shared in CasADi graphs."""
     if isinstance(node, ast.Constant):
         return float(node.value)  # type: ignore[arg-type]
     key = _spelled(node)
-    if key not in known:
-        known[key] = _compute(node, m, known)
-    return known[key]
+    if key not in values:
+        values[key] = _compute(node, m, values)
+    return values[key]
 
 
-def _compute(node: ast.expr, m: Any, known: dict[str, Any]) -> Any:
+def _compute(node: ast.expr, m: Any, values: dict[str, Any]) -> Any:
     if isinstance(node, ast.UnaryOp):
-        value = _value(node.operand, m, known)
+        value = _value(node.operand, m, values)
         return -value if isinstance(node.op, ast.USub) else value
     if isinstance(node, ast.BinOp):
         if isinstance(node.op, ast.Pow) and isinstance(node.right, ast.Constant):
             # A whole exponent: NumPy and CasADi multiply instead of taking logarithms.
-            return _value(node.left, m, known) ** node.right.value
-        left, right = _value(node.left, m, known), _value(node.right, m, known)
+            return _value(node.left, m, values) ** node.right.value
+        left, right = _value(node.left, m, values), _value(node.right, m, values)
         return OPERATORS[type(node.op)](left, right)
     assert isinstance(node, ast.Call)
     assert isinstance(node.func, ast.Name)
-    return getattr(m, node.func.id)(_value(node.args[0], m, known))
+    return getattr(m, node.func.id)(_value(node.args[0], m, values))
 
 
 @lru_cache(maxsize=4096)
@@ -133,11 +133,11 @@ def _parse(text: str, variables: tuple[str, ...]) -> ast.expr:
 def _forbidden(node: ast.expr, variables: tuple[str, ...]) -> str | None:
     """Return what of a tree is not allowed, None if all of it is."""
     if isinstance(node, ast.Constant):
-        fine = type(node.value) in (int, float) and math.isfinite(node.value)  # type: ignore[arg-type]
-        return None if fine else f"{node.value!r} is no number"
+        allowed = type(node.value) in (int, float) and math.isfinite(node.value)  # type: ignore[arg-type]
+        return None if allowed else f"{node.value!r} is no number"
     if isinstance(node, ast.Name):
-        fine = node.id in variables or node.id == "pi"
-        return None if fine else f"there is no {node.id!r}"
+        allowed = node.id in variables or node.id == "pi"
+        return None if allowed else f"there is no {node.id!r}"
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.UAdd, ast.USub)):
         return _forbidden(node.operand, variables)
     if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:

@@ -45,7 +45,7 @@ def fit_moments(moments: Moments, *, ridge: float = 0.0, basis: Array | None = N
     Parameters
     ----------
     moments
-        Of the samples; they must excite the dictionary.
+        Moments of the samples, which must excite the dictionary.
     ridge
         Weight of a Tikhonov term, relative to the mean square of each observable: pulls M towards
         the identity, never the coefficients of the constant, which carry the effect of the input.

@@ -33,11 +33,11 @@ class ModelFile(NamedTuple):
     Attributes
     ----------
     path
-        Of the file.
+        Where the file is.
     header
-        With ``format``, ``predictor``, ``robot``, ``dt_s`` and ``metadata`` at least.
+        JSON with ``format``, ``predictor``, ``robot``, ``dt_s`` and ``metadata`` at least.
     arrays
-        By name.
+        Arrays by name.
     """
 
     path: Path
@@ -87,11 +87,11 @@ def write_model_file(path: Path, header: Mapping[str, Any], arrays: Mapping[str,
     Parameters
     ----------
     path
-        Of the file.
+        Where the file is.
     header
-        JSON; with ``predictor``, ``robot``, ``dt_s`` and ``metadata``.
+        JSON with ``predictor``, ``robot``, ``dt_s`` and ``metadata``.
     arrays
-        By name.
+        Arrays by name.
     """
     text = json.dumps({"format": FORMAT, **header}, sort_keys=True).encode()
     with replacing(path) as file:

@@ -75,5 +75,5 @@ class Moments:
     @property
     def scale(self) -> Array:
         """Return the root mean square of each observable (M,), one where it is always zero."""
-        found = np.sqrt(np.sum(self.x**2, axis=0) / max(self.samples, 1))
-        return np.where(found > 0.0, found, 1.0)
+        rms = np.sqrt(np.sum(self.x**2, axis=0) / max(self.samples, 1))
+        return np.where(rms > 0.0, rms, 1.0)

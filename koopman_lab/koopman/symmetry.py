@@ -61,8 +61,8 @@ def _representation(dictionary: Dictionary, motion: tuple[float, float, float]) 
     moved[:, 1] = motion[1] + s * x[:, 0] + c * x[:, 1]
     moved[:, 2] += motion[2]
     before, after = dictionary.lift(x), dictionary.lift(moved)
-    found = np.linalg.lstsq(before, after, rcond=None)[0].T
-    errors = np.abs(after - before @ found.T).max(axis=0) / np.abs(after).max(axis=0)
+    action = np.linalg.lstsq(before, after, rcond=None)[0].T
+    errors = np.abs(after - before @ action.T).max(axis=0) / np.abs(after).max(axis=0)
     worst = int(np.argmax(errors))
     if errors[worst] > CLOSED:
         what = "turning by 1 rad" if motion[2] else "moving by 1 m"
@@ -71,4 +71,4 @@ def _representation(dictionary: Dictionary, motion: tuple[float, float, float]) 
             "that its observables do not add up to, so no model of it can be symmetric; add what "
             "is missing, choose another dictionary, or leave out --symmetric"
         )
-    return np.where(np.abs(found) < 1e-12, 0.0, found)
+    return np.where(np.abs(action) < 1e-12, 0.0, action)

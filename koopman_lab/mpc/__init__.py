@@ -1,1 +1,1 @@
-"""Stage costs, optimal control problem, solvers, receding horizon."""
+"""Model predictive control: stage costs, optimal control problem, solvers, receding horizon."""

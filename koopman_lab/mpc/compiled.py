@@ -21,7 +21,7 @@ COMPILERS = ("cc", "gcc", "clang")
 # Contraction would make the last digits depend on the machine's instruction set.
 FLAGS = ("-O3", "-ffp-contract=off", "-w", "-fPIC", "-shared")
 LONGEST_S = 120.0
-FROM_OUTPUT = 200
+MOST_OUTPUT_CHARACTERS = 200
 """Characters of what the compiler says that go into a message."""
 
 
@@ -31,8 +31,8 @@ class NotCompiledError(Exception):
 
 def find_compiler() -> str | None:
     """Return the C compiler that the environment variable CC names, or the first one found."""
-    wanted = os.environ.get("CC")
-    names = (wanted,) if wanted else COMPILERS
+    chosen = os.environ.get("CC")
+    names = (chosen,) if chosen else COMPILERS
     return next(filter(None, map(shutil.which, names)), None)
 
 
@@ -77,13 +77,15 @@ def _compile(compiler: str, source: str, path: Path) -> None:
         code.write_text(source)
         command = [compiler, *FLAGS, str(code), "-o", str(built), "-lm"]
         try:
-            done = subprocess.run(
+            result = subprocess.run(
                 command, capture_output=True, text=True, timeout=LONGEST_S, check=False
             )
         except subprocess.TimeoutExpired:
             raise NotCompiledError(f"{compiler} took longer than {LONGEST_S:g} s") from None
-        if done.returncode != 0 or not built.exists():
-            said = " ".join(done.stderr.split())[:FROM_OUTPUT]
-            raise NotCompiledError(f"{compiler} failed: {said or f'exit code {done.returncode}'}")
+        if result.returncode != 0 or not built.exists():
+            message = " ".join(result.stderr.split())[:MOST_OUTPUT_CHARACTERS]
+            raise NotCompiledError(
+                f"{compiler} failed: {message or f'exit code {result.returncode}'}"
+            )
         # Whole or not at all, also when two processes build the same at once.
         built.replace(path)

@@ -6,7 +6,7 @@ method over the stages starts from it, with a small quadratic program in a box f
 inputs (Tassa, Mansard and Todorov, ICRA 2014). All iterates are simulated, so each has no gaps and
 a true value, and the value falls from one to the next.
 
-Bounds of the speeds it does not know.
+It has no bounds of the speeds.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.mpc import rollout as rollouts
-from koopman_lab.mpc.costs import StageCost, cost_of
+from koopman_lab.mpc.stage_costs import StageCost, cost_of
 from koopman_lab.predictors.predictor import PredictionModel
 
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-7
-"""Of the value: expected decrease below which a plan counts as optimal."""
+"""Expected decrease of the value below which a plan counts as optimal."""
 
 
 def source(model: PredictionModel, cost: StageCost, horizon: int) -> str:
@@ -37,13 +37,13 @@ def source(model: PredictionModel, cost: StageCost, horizon: int) -> str:
     weights = ca.SX.sym("weights", cost.parameters.size)
     p, z = ca.vertcat(of_model, weights), ca.vertcat(s, u)
     following = model.step(s, u, of_model)
-    here = cost_of(model, cost, s, u, weights)
+    stage = cost_of(model, cost, s, u, weights)
     end = cost_of(model, cost, s, ca.SX.zeros(inputs), weights)
-    hessian, _ = ca.hessian(here + ca.dot(vx, following), z)
+    hessian, _ = ca.hessian(stage + ca.dot(vx, following), z)
     end_hessian, _ = ca.hessian(end, s)
     results = {
-        "ddp_roll": ([s, u, p], [following, here]),
-        "ddp_expand": ([s, u, p, vx], [ca.jacobian(following, z), ca.gradient(here, z), hessian]),
+        "ddp_roll": ([s, u, p], [following, stage]),
+        "ddp_expand": ([s, u, p, vx], [ca.jacobian(following, z), ca.gradient(stage, z), hessian]),
         "ddp_end": ([s, p], [end, ca.gradient(end, s), end_hessian]),
     }
     functions = [
@@ -72,13 +72,13 @@ class Improver:
     Parameters
     ----------
     library
-        Of :func:`source`.
+        The compiled code of :func:`source`.
     model, cost
-        Their numbers count.
+        Give the numbers of the problem; shapes are those that the library was made for.
     u_max
         Largest magnitudes of the inputs (m,).
     most_iterations
-        Of a call.
+        Largest number of iterations of a call.
     """
 
     def __init__(
@@ -95,9 +95,9 @@ class Improver:
         self._solve.argtypes = [*[pointer] * 4, ctypes.c_double, ctypes.c_int, pointer]
         self._work = np.zeros(loaded.ddp_work_size() // 8 + 1)
         self._numbers = np.concatenate([model.parameters, cost.parameters])
-        self._disturbed = rollouts.disturbed(model)
+        self._disturbed = rollouts.disturbance_slice(model)
         self._u_max = np.array(u_max, float)
-        self._most = most_iterations
+        self._most_iterations = most_iterations
 
     def disturb(self, d: Array) -> None:
         """Let the model predict with other last parameters (its ``disturbance_dim``,)."""
@@ -119,5 +119,5 @@ class Improver:
         start = np.ascontiguousarray(s0, float)
         arrays = (self._work, start, self._numbers, self._u_max)
         addresses = [array.ctypes.data for array in arrays]
-        count: int = self._solve(*addresses, TOLERANCE, self._most, inputs.ctypes.data)
+        count: int = self._solve(*addresses, TOLERANCE, self._most_iterations, inputs.ctypes.data)
         return inputs, count

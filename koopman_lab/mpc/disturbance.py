@@ -48,7 +48,7 @@ class DisturbedPrediction:
         return getattr(self._model, name)
 
     def step(self, s: Any, u: Any, parameters: Any) -> Any:
-        """Return the state one sampling time later; see :class:`~.prediction.PredictionModel`."""
+        """Return the state one sampling time later, the constant added to its pose."""
         size = self._model.parameters.size
         rest = ca.SX.zeros(self._model.state_dim - POSE_DIM)
         return self._model.step(s, u, parameters[:size]) + ca.vertcat(parameters[size:], rest)

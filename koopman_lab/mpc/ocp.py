@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.mpc.costs import StageCost, cost_of
+from koopman_lab.mpc.stage_costs import StageCost, cost_of
 from koopman_lab.predictors.predictor import PredictionModel
 
 Array = NDArray[np.float64]
@@ -30,14 +30,14 @@ BRAKING = 0.5
 
 @dataclass(frozen=True)
 class Bounds:
-    """Bounds of magnitudes.
+    """Bounds of the magnitudes of inputs and speeds.
 
     Attributes
     ----------
     u_max
-        Of the inputs, (m,).
+        Largest magnitudes of the inputs, (m,).
     speed_max
-        Of v and omega, for robots whose state holds them; None for no bounds.
+        Largest magnitudes of v and omega, for robots whose state holds them; None for no bounds.
     speeds_at
         Where s holds v and omega.
     dt_s
@@ -91,7 +91,7 @@ class OptimalControlProblem:
         p are the s to begin with, the factor that the objective is multiplied by, and
         ``parameters``; all constraints g are equalities to zero.
     bounds
-        Of inputs and speeds.
+        Bounds of inputs and speeds.
     horizon, size
         H and the number S of what the model propagates.
     parameters
@@ -148,11 +148,11 @@ def transcribe(
     model
         Predicts the robot.
     cost
-        Of a stage.
+        Cost of a stage.
     horizon
         H, at least 1.
     bounds
-        Of inputs and speeds.
+        Bounds of inputs and speeds.
     """
     size = model.size
     initial, factor = ca.SX.sym("initial", size), ca.SX.sym("factor")

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from koopman_lab.config.schema import BackEnd, LabConfig
 from koopman_lab.errors import ConfigError, ModelError
 from koopman_lab.koopman.dictionary import dictionary
-from koopman_lab.mpc.costs import StageCost, stage_cost
+from koopman_lab.mpc.configured_cost import stage_cost
 from koopman_lab.mpc.disturbance import DisturbanceEstimator, DisturbedPrediction
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, Solver, make_solver
+from koopman_lab.mpc.stage_costs import StageCost
 from koopman_lab.predictors.predictor import PredictionModel
 
 CLEARLY_BETTER = 1e-6
@@ -43,7 +44,7 @@ class Decision:
     solved
         Whether the solver found a plan in this step, used or not.
     iterations
-        Of the solver in this step, over all starts.
+        Iterations of the solver in this step, over all starts.
     failures_in_a_row
         Steps without a solution up to now, 0 after a success.
     """
@@ -63,7 +64,7 @@ class RecedingHorizon:
     solver
         Solves the optimal control problem.
     rollout
-        Of the prediction model under the same cost and horizon.
+        Simulates the prediction model under the same cost and horizon.
     u_max
         Largest magnitudes of the inputs (m,).
     dt_s
@@ -102,9 +103,9 @@ class RecedingHorizon:
         States of successive calls are one sampling time apart.
         """
         self._correct_model(x)
-        fallback, guesses = self._before(x)
-        found = [self.solver.solve(x, guess) for guess in guesses]
-        usable = [plan for plan in found if plan.ok and np.isfinite(plan.value)]
+        fallback, guesses = self._fallback_and_guesses(x)
+        plans = [self.solver.solve(x, guess) for guess in guesses]
+        usable = [plan for plan in plans if plan.ok and np.isfinite(plan.value)]
         self._failures = 0 if usable else self._failures + 1
         chosen = fallback
         for plan in usable:
@@ -116,7 +117,7 @@ class RecedingHorizon:
         if usable or self._plan is not None:
             self._plan = chosen
         self._expected = self.advance(x, chosen.inputs[0])
-        iterations = sum(plan.iterations for plan in found)
+        iterations = sum(plan.iterations for plan in plans)
         return Decision(chosen.inputs[0], chosen, bool(usable), iterations, self._failures)
 
     def restart(self) -> None:
@@ -133,7 +134,9 @@ class RecedingHorizon:
         else:
             self.solver.disturb(self._disturbance.update(self._expected, x))
 
-    def _before(self, x: NDArray[np.float64]) -> tuple[Plan, list[NDArray[np.float64]]]:
+    def _fallback_and_guesses(
+        self, x: NDArray[np.float64]
+    ) -> tuple[Plan, list[NDArray[np.float64]]]:
         """Return the plan to go on with if nothing better is found, and the initial guesses."""
         if self._plan is None:
             return self._as_plan(x, self._braking(x, self._rollout.horizon)), self._first_guesses()
@@ -188,11 +191,11 @@ def receding_horizon(
     LabError
         See :func:`solver_of`.
     """
-    settings, made = config.controller, solver or solver_of(model, config, back_end)
+    settings, solver = config.controller, solver or solver_of(model, config, back_end)
     disturbance = None
     if settings.offset_free.enabled:
         disturbance = DisturbanceEstimator(settings.offset_free, settings.dt_s)
-    return RecedingHorizon(made, made.rollout, settings.u_max, settings.dt_s, disturbance)
+    return RecedingHorizon(solver, solver.rollout, settings.u_max, settings.dt_s, disturbance)
 
 
 def planning_problem(
@@ -236,8 +239,8 @@ def planning_problem(
             f"the prediction model has a sampling time of {model.dt_s} s, but controller.dt_s is "
             f"{settings.dt_s}; train with --dt {settings.dt_s} or set controller.dt_s"
         )
-    own = dictionary(config.model.dictionary, config.robot.kind)
-    return model, stage_cost(settings, model.robot, model.dictionary or own)
+    configured = dictionary(config.model.dictionary, config.robot.kind)
+    return model, stage_cost(settings, model.robot, model.dictionary or configured)
 
 
 def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd | None = None) -> Solver:
@@ -248,7 +251,7 @@ def solver_of(model: PredictionModel, config: LabConfig, back_end: BackEnd | Non
     model, config
         See :func:`planning_problem`.
     back_end
-        Of the solver; None for the configured one.
+        Name of the solver; None for the configured one.
 
     Raises
     ------

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.mpc.costs import StageCost, cost_of
+from koopman_lab.mpc.stage_costs import StageCost, cost_of
 from koopman_lab.predictors.predictor import PredictionModel
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ class Call:
     Parameters
     ----------
     function
-        Of any number of arguments and results, all dense.
+        A function with any number of arguments and results, all dense.
     """
 
     def __init__(self, function: Any) -> None:
@@ -58,8 +58,8 @@ class Call:
 
     def statistics(self) -> dict[str, Any]:
         """Return what the function tells of its last run."""
-        found: dict[str, Any] = self._buffer.stats()
-        return found
+        statistics: dict[str, Any] = self._buffer.stats()
+        return statistics
 
 
 class Rollout:
@@ -71,9 +71,9 @@ class Rollout:
     Parameters
     ----------
     model
-        Of the robot.
+        Predicts the robot.
     cost
-        Of a stage.
+        Cost of a stage.
     horizon
         Number of inputs H.
     library
@@ -86,22 +86,24 @@ class Rollout:
         self.horizon = horizon
         self.robot = model.robot
         dim = model.disturbance_dim
-        self._disturbed = disturbed(model)
+        self._disturbed = disturbance_slice(model)
         numbers = np.concatenate([model.parameters, cost.parameters])
-        made = function(model, cost, horizon) if library is None else None
-        self._call = Call(made or ca.external(FUNCTION, str(library)))
+        evaluated = function(model, cost, horizon) if library is None else None
+        self._call = Call(evaluated or ca.external(FUNCTION, str(library)))
         self._call.arguments[2][:] = numbers
         x, u = ca.SX.sym("x", model.state_dim), ca.SX.sym("u", model.input_dim)
         d = ca.SX.sym("d", dim)
         p = ca.vertcat(ca.DM(model.parameters[: len(model.parameters) - dim]), d)
         s, w = model.lift(x), ca.DM(cost.parameters)
-        following, here = model.state(model.step(s, u, p)), cost_of(model, cost, s, u, w)
-        self._once = Call(ca.Function("once", [x, u, d], [ca.densify(following), ca.densify(here)]))
+        following, stage = model.state(model.step(s, u, p)), cost_of(model, cost, s, u, w)
+        self._one_step = Call(
+            ca.Function("once", [x, u, d], [ca.densify(following), ca.densify(stage)])
+        )
 
     def disturb(self, d: Array) -> None:
         """Let the model predict with other last parameters (its ``disturbance_dim``,)."""
         self._call.arguments[2][self._disturbed] = d
-        self._once.arguments[2][:] = d
+        self._one_step.arguments[2][:] = d
 
     def trajectory(self, x0: Array, inputs: Array) -> Trajectory:
         """Return what happens from the state ``x0`` (n,) on under ``inputs`` (H, m)."""
@@ -121,8 +123,8 @@ class Rollout:
         inputs
             Inputs (H, m).
         """
-        found = self.trajectory(x0, inputs)
-        return found.states, found.value
+        trajectory = self.trajectory(x0, inputs)
+        return trajectory.states, trajectory.value
 
     def advance(self, x: Array, u: Array) -> Array:
         """Return the state (n,) one sampling time after ``x`` (n,) under ``u`` (m,)."""
@@ -133,13 +135,13 @@ class Rollout:
         return float(self._at(x, u)[1][0])
 
     def _at(self, x: Array, u: Array) -> list[Array]:
-        self._once.arguments[0][:], self._once.arguments[1][:] = x, u
-        self._once.run()
-        return self._once.results
+        self._one_step.arguments[0][:], self._one_step.arguments[1][:] = x, u
+        self._one_step.run()
+        return self._one_step.results
 
 
-def disturbed(model: PredictionModel) -> slice:
-    """Return where the parameters of a model may change."""
+def disturbance_slice(model: PredictionModel) -> slice:
+    """Return the place of the parameters of a model that may change between two problems."""
     return slice(model.parameters.size - model.disturbance_dim, model.parameters.size)
 
 
@@ -163,12 +165,12 @@ def function(model: PredictionModel, cost: StageCost, horizon: int) -> Any:
         course.append(step(course[-1], inputs[:, k], of_model))
     propagated = ca.horzcat(*course)
     # The initial state is not read off, so that its angle is as it was given.
-    later = state.map(horizon)(propagated[:, 1:])
+    later_states = state.map(horizon)(propagated[:, 1:])
     costs = stage.map("each_stage", "serial", horizon + 1, [2], [])(
         propagated, ca.horzcat(inputs, ca.DM.zeros(m, 1)), weights
     )
     return ca.Function(
-        FUNCTION, [x0, inputs, numbers], [propagated, ca.horzcat(x0, later), ca.sum2(costs)]
+        FUNCTION, [x0, inputs, numbers], [propagated, ca.horzcat(x0, later_states), ca.sum2(costs)]
     )
 
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from koopman_lab.config.schema import BackEnd
 from koopman_lab.errors import ConfigError
 from koopman_lab.mpc import compiled, ddp, stagewise
-from koopman_lab.mpc.costs import StageCost
 from koopman_lab.mpc.ocp import OptimalControlProblem, bounds_for, transcribe
-from koopman_lab.mpc.rollout import Call, Rollout, disturbed
+from koopman_lab.mpc.rollout import Call, Rollout, disturbance_slice
+from koopman_lab.mpc.stage_costs import StageCost
 from koopman_lab.predictors.predictor import PredictionModel
 
 MOST_ITERATIONS: dict[BackEnd, int] = {"ddp": 50, "fatrop": 25, "ipopt": 200}
@@ -48,7 +48,7 @@ class Plan:
     value
         Sum of the stage costs along the states.
     iterations
-        Of the solver; 0 for a plan that no solver made.
+        Iterations of the solver; 0 for a plan that no solver made.
     ok
         Whether all numbers are finite, and the solver converged or at least improved the guess.
     status
@@ -81,14 +81,14 @@ class Solver(Protocol):
 
 
 class DdpSolver:
-    """Differential dynamic programming behind the interface of :class:`~.solver.Solver`.
+    """Differential dynamic programming behind the interface of :class:`Solver`.
 
     Parameters
     ----------
     improver
         The compiled solver.
     rollout
-        Of the same model, cost and horizon.
+        Simulates the same model under the same cost and horizon.
     """
 
     description = "ddp, compiled"
@@ -104,14 +104,14 @@ class DdpSolver:
 
     def solve(self, x0: Array, guess: Array) -> Plan:
         """Return a plan for the state ``x0`` (n,), starting from the inputs ``guess`` (H, m)."""
-        begun = self.rollout.trajectory(x0, guess)
-        if not np.isfinite(begun.value):
-            return Plan(guess, begun.states, begun.value, 0, False, NOT_FINITE)
-        inputs, count = self._improver(begun.propagated[0], guess)
-        found = self.rollout.trajectory(x0, inputs)
-        ok = bool(np.isfinite(found.value)) and (count >= 0 or found.value < begun.value)
+        initial = self.rollout.trajectory(x0, guess)
+        if not np.isfinite(initial.value):
+            return Plan(guess, initial.states, initial.value, 0, False, NOT_FINITE)
+        inputs, count = self._improver(initial.propagated[0], guess)
+        improved = self.rollout.trajectory(x0, inputs)
+        ok = bool(np.isfinite(improved.value)) and (count >= 0 or improved.value < initial.value)
         status = "ddp: " + ("converged" if count >= 0 else "not converged")
-        return Plan(inputs, found.states, found.value, abs(count), ok, status)
+        return Plan(inputs, improved.states, improved.value, abs(count), ok, status)
 
 
 class NlpSolver:
@@ -123,14 +123,14 @@ class NlpSolver:
     Parameters
     ----------
     problem
-        What is solved.
+        The optimal control problem.
     rollout
-        Of the same model, cost and horizon.
+        Simulates the same model under the same cost and horizon.
     back_end
         ``fatrop`` uses the structure of the stages; ``ipopt`` is the paper's solver, for reference.
     most_iterations
-        Of the solver, per call; None for :data:`MOST_ITERATIONS`. What it has found by then counts
-        if it is better than the guess.
+        Largest number of iterations of a call; None for :data:`MOST_ITERATIONS`. What is found by
+        then counts if it is better than the guess.
     form
         In what form the problem is evaluated, in words for a person.
     scaled
@@ -178,15 +178,15 @@ class NlpSolver:
 
     def solve(self, x0: Array, guess: Array) -> Plan:
         """Return a plan for the state ``x0`` (n,), starting from the inputs ``guess`` (H, m)."""
-        begun = self._rollout.trajectory(x0, guess)
-        if not np.isfinite(begun.value):
-            return Plan(guess, begun.states, begun.value, 0, False, NOT_FINITE)
-        upper = self._problem.upper(begun.propagated[0])
-        factor = 1.0 / max(begun.value, SMALLEST_VALUE) if self._scaled else 1.0
+        initial = self._rollout.trajectory(x0, guess)
+        if not np.isfinite(initial.value):
+            return Plan(guess, initial.states, initial.value, 0, False, NOT_FINITE)
+        upper = self._problem.upper(initial.propagated[0])
+        factor = 1.0 / max(initial.value, SMALLEST_VALUE) if self._scaled else 1.0
         # In CasADi's order; the last four, gaps and multipliers, stay zero.
         variables, parameters, lbx, ubx, *_ = self._call.arguments
-        variables[:] = self._problem.pack(begun.propagated, guess)
-        parameters[:] = np.concatenate([begun.propagated[0], [factor], self._problem.parameters])
+        variables[:] = self._problem.pack(initial.propagated, guess)
+        parameters[:] = np.concatenate([initial.propagated[0], [factor], self._problem.parameters])
         lbx[:], ubx[:] = -upper, upper
         self._call.run()
         statistics = self._call.statistics()
@@ -194,14 +194,14 @@ class NlpSolver:
         # Interior-point methods may end a hair outside the bounds.
         u_max = self._problem.bounds.u_max
         inputs = np.clip(inputs, -u_max, u_max)
-        found = self._rollout.trajectory(x0, inputs)
+        improved = self._rollout.trajectory(x0, inputs)
         return Plan(
             inputs,
-            found.states,
-            found.value,
+            improved.states,
+            improved.value,
             int(statistics["iter_count"]),
-            bool(np.isfinite(found.value))
-            and (bool(statistics["success"]) or found.value < begun.value),
+            bool(np.isfinite(improved.value))
+            and (bool(statistics["success"]) or improved.value < initial.value),
             f"{self._back_end}: {statistics['return_status']}",
         )
 
@@ -232,13 +232,13 @@ def make_solver(
     Parameters
     ----------
     model, cost, horizon
-        The problem.
+        What is predicted, what it costs, and over how many stages.
     u_max
         Largest magnitudes of the inputs (m,).
     back_end
-        Which to use.
+        Name of the solver to use.
     most_iterations
-        Of a call; None for :data:`MOST_ITERATIONS`.
+        Largest number of iterations of a call; None for :data:`MOST_ITERATIONS`.
     speed_max
         Largest |v| and |omega| of a robot whose state holds them; None for no bounds.
     use_compiler
@@ -259,11 +259,13 @@ def make_solver(
         else:
             rollout = Rollout(model, cost, horizon, library)
             if back_end == "ddp":
-                most = most_iterations or MOST_ITERATIONS[back_end]
-                return DdpSolver(ddp.Improver(library, model, cost, bounds.u_max, most), rollout)
+                iterations = most_iterations or MOST_ITERATIONS[back_end]
+                return DdpSolver(
+                    ddp.Improver(library, model, cost, bounds.u_max, iterations), rollout
+                )
             numbers = stagewise.parameters_of(model, cost)
             problem = OptimalControlProblem(
-                str(library), bounds, horizon, model.size, numbers, disturbed(model).start
+                str(library), bounds, horizon, model.size, numbers, disturbance_slice(model).start
             )
             return NlpSolver(problem, rollout, back_end, most_iterations, "compiled", scaled=scaled)
     problem = transcribe(model, cost, horizon, bounds)

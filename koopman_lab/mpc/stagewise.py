@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.mpc import rollout
-from koopman_lab.mpc.costs import StageCost, cost_of
+from koopman_lab.mpc.stage_costs import StageCost, cost_of
 from koopman_lab.predictors.predictor import PredictionModel
 
 Indices = NDArray[np.int_]
@@ -60,20 +60,23 @@ class _Stage:
         self.parameters = p.numel()
         factor, multipliers = ca.SX.sym("factor"), ca.SX.sym("multipliers", n)
         following = model.step(x, u, of_model)
-        here, at_end = cost_of(model, cost, x, u, weights), cost_of(model, cost, x, rest, weights)
+        stage_cost, end_cost = (
+            cost_of(model, cost, x, u, weights),
+            cost_of(model, cost, x, rest, weights),
+        )
         jacobian = ca.jacobian(following, z)
-        hessian, _ = ca.hessian(factor * here - ca.dot(multipliers, following), z)
-        end_hessian, _ = ca.hessian(at_end, x)
+        hessian, _ = ca.hessian(factor * stage_cost - ca.dot(multipliers, following), z)
+        end_hessian, _ = ca.hessian(end_cost, x)
         self.jacobian_at = _places(jacobian)
         self.hessian_at = _places(hessian)
         self.end_hessian_at = _places(end_hessian)
         self.step = ca.Function("step", [x, u, p], [following])
-        self.cost = ca.Function("cost", [x, u, p], [here])
-        self.gradient = ca.Function("gradient", [x, u, p], [ca.gradient(here, z)])
+        self.cost = ca.Function("cost", [x, u, p], [stage_cost])
+        self.gradient = ca.Function("gradient", [x, u, p], [ca.gradient(stage_cost, z)])
         self.jacobian = ca.Function("jacobian", [x, u, p], [following, _nonzeros(jacobian)])
         self.hessian = ca.Function("hessian", [x, u, p, factor, multipliers], [_nonzeros(hessian)])
-        self.end_cost = ca.Function("end_cost", [x, p], [at_end])
-        self.end_gradient = ca.Function("end_gradient", [x, p], [ca.gradient(at_end, x)])
+        self.end_cost = ca.Function("end_cost", [x, p], [end_cost])
+        self.end_gradient = ca.Function("end_gradient", [x, p], [ca.gradient(end_cost, x)])
         self.end_hessian = ca.Function("end_hessian", [x, p], [_nonzeros(end_hessian)])
 
 
@@ -94,12 +97,12 @@ class _Program:
         self._numbers = self._p[n + 1 :]
 
     def functions(self) -> list[Any]:
-        """Return them all."""
+        """Return all of them, as CasADi functions."""
         x, p, lam_f, lam_g = self._x, self._p, self._lam_f, self._lam_g
-        following, jacobian = self._each(self._stage.jacobian)
+        following, jacobian = self._map_stages(self._stage.jacobian)
         g, dg = self._gaps(following), self._jacobian(jacobian)
         objective, gradient = self._objective(), self._gradient()
-        gaps_alone = self._gaps(self._each(self._stage.step))
+        gaps_alone = self._gaps(self._map_stages(self._stage.step))
         d_lagrangian = lam_f * gradient + ca.mtimes(dg.T, lam_g)
         # nlpsol wants this one to exist but has no use for it; nobody asks for d/dp.
         no_answer = np.full(p.numel(), np.nan)
@@ -126,7 +129,7 @@ class _Program:
             ),
         ]
 
-    def _each(self, function: Any, *more: Any) -> Any:
+    def _map_stages(self, function: Any, *more: Any) -> Any:
         """Call a stage's function in every stage; the parameters are the same in all of them.
 
         ``more`` are a scalar that is the same and a matrix with a column for each stage.
@@ -136,11 +139,11 @@ class _Program:
         return loop(self._states, self._inputs, self._numbers, *more)
 
     def _objective(self) -> Any:
-        costs = self._each(self._stage.cost)
+        costs = self._map_stages(self._stage.cost)
         return self._factor * (ca.sum2(costs) + self._stage.end_cost(self._last, self._numbers))
 
     def _gradient(self) -> Any:
-        inside = self._each(self._stage.gradient)
+        inside = self._map_stages(self._stage.gradient)
         end = self._stage.end_gradient(self._last, self._numbers)
         return self._factor * ca.vertcat(ca.vec(inside), end)
 
@@ -158,16 +161,16 @@ class _Program:
         at_rows = [np.add.outer(gaps, rows), np.add.outer(gaps, ahead), n + ahead]
         at_columns = [np.add.outer(first[:-1], columns), np.add.outer(first[1:], ahead), ahead]
         minus = nonzeros.numel()
-        one = np.full(n * (horizon + 1), minus)
+        ones_at = np.full(n * (horizon + 1), minus)
         values = ca.vertcat(-ca.vec(nonzeros), 1.0)
-        return _scattered((self._rows, self._size), at_rows, at_columns, values, one)
+        return _scattered((self._rows, self._size), at_rows, at_columns, values, ones_at)
 
     def _hessian(self) -> Any:
         """Return the second derivative of lam_f f + lam_g' g by x."""
         n, lam_g = self._n, self._lam_g
         factor = self._lam_f * self._factor
         of_gaps = ca.reshape(ca.vertcat(lam_g[:n], lam_g[2 * n :]), n, self._horizon)
-        inside = self._each(self._stage.hessian, factor, of_gaps)
+        inside = self._map_stages(self._stage.hessian, factor, of_gaps)
         end = factor * self._stage.end_hessian(self._last, self._numbers)
         (rows, columns), (end_rows, end_columns) = (
             self._stage.hessian_at,
@@ -199,16 +202,16 @@ def _scattered(
     rows: list[Indices],
     columns: list[Indices],
     values: Any,
-    more: Indices | None = None,
+    repeated: Indices | None = None,
 ) -> Any:
     """Return the sparse matrix with the given values at the given places.
 
-    Place number i takes value number i; places beyond are told by ``more`` which value they take.
+    Place number i takes value number i; ``repeated`` says which values the places beyond take.
     """
     row = np.concatenate([part.ravel() for part in rows])
     column = np.concatenate([part.ravel() for part in columns])
-    extra = np.array([], int) if more is None else more
-    taken = np.concatenate([np.arange(row.size - extra.size), extra])
+    extra = np.array([], int) if repeated is None else repeated
+    value_indices = np.concatenate([np.arange(row.size - extra.size), extra])
     order = np.lexsort((row, column))
     pattern = ca.Sparsity.triplet(*shape, row[order].tolist(), column[order].tolist())
-    return ca.MX(pattern, values[taken[order].tolist()])
+    return ca.MX(pattern, values[value_indices[order].tolist()])

@@ -1,1 +1,1 @@
-"""What a controller can plan with, one file each."""
+"""Prediction models that a controller can plan with, and the table of those that are learned."""

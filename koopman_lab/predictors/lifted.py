@@ -8,10 +8,10 @@ import casadi as ca
 
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import Dictionary
-from koopman_lab.predictors.predictor import OfARobot, Propagated
+from koopman_lab.predictors.predictor import Propagated, RobotPrediction
 
 
-class LiftedPrediction(OfARobot):
+class LiftedPrediction(RobotPrediction):
     """A bilinear Koopman surrogate that propagates observables; see :mod:`~.predictor`.
 
     They are propagated as they are. Where psi does not hold the angle, it is read off by the

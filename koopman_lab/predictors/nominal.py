@@ -8,11 +8,11 @@ import casadi as ca
 import numpy as np
 
 from koopman_lab.geometry.planar import ORIGIN, Pose
-from koopman_lab.predictors.predictor import OfTheState
+from koopman_lab.predictors.predictor import StatePrediction
 from koopman_lab.robots.table import robot_type
 
 
-class NominalPrediction(OfTheState):
+class NominalPrediction(StatePrediction):
     """The nominal equations of a robot; see :class:`~.predictor.PredictionModel`.
 
     Parameters

@@ -134,7 +134,7 @@ class PredictionModel(Protocol):
         """Return what propagates observables as they are; itself where there are none."""
 
 
-class OfARobot:
+class RobotPrediction:
     """What prediction models share; they set ``robot``, and whatever differs."""
 
     robot: RobotType
@@ -156,7 +156,7 @@ class OfARobot:
         return self
 
 
-class OfTheState(OfARobot):
+class StatePrediction(RobotPrediction):
     """What prediction models share that propagate the state itself."""
 
     propagates: Propagated = "state"
@@ -189,8 +189,8 @@ def require_robot(model: LearnedModel, kind: str) -> None:
         If the model is of another robot than ``kind``.
     """
     if model.robot.name != kind:
-        of = model.robot.name
+        model_kind = model.robot.name
         raise ModelError(
-            f"the model ({model.name}) is of the {of} robot, the lab is set up for the {kind} one; "
-            f"train a model from a {kind} session, or say --robot {of}"
+            f"the model ({model.name}) is of the {model_kind} robot, the lab is set up for the "
+            f"{kind} one; train a model from a {kind} session, or say --robot {model_kind}"
         )

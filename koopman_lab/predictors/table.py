@@ -29,11 +29,11 @@ from koopman_lab.koopman.model_file import EDMD, ModelFile, read_model_file
 from koopman_lab.registry import Registry
 
 if TYPE_CHECKING:
-    from koopman_lab.koopman.train import Method
+    from koopman_lab.koopman.training_report import Method
     from koopman_lab.predictors.predictor import LearnedModel, PredictionModel
 
 PACKAGE = "package"
-"""In the header of a model of another package's predictor: which package that is."""
+"""Key of a model file's header that names the package of its predictor."""
 
 
 class Report(Protocol):
@@ -55,7 +55,7 @@ class Trainer(Protocol):
 
 @dataclass(frozen=True)
 class Predictor:
-    """One row.
+    """One predictor.
 
     Attributes
     ----------
@@ -70,8 +70,8 @@ class Predictor:
         controller plans with.
     train
         Maps the name of the dictionary that a person or the configuration names, and the
-        :class:`~koopman_lab.koopman.train.Method`, to a :class:`Trainer`; what it has no use for it
-        leaves alone.
+        :class:`~koopman_lab.koopman.training_report.Method`, to a :class:`Trainer`, which leaves
+        alone what it has no use for.
     """
 
     name: str
@@ -88,8 +88,8 @@ PREDICTORS: Registry[Predictor] = Registry(
         EDMD: Predictor(
             EDMD,
             "koopman_lab.koopman.bilinear_model:BilinearModel.from_file",
-            "koopman_lab.predictors.edmd:KoopmanPrediction",
-            "koopman_lab.koopman.train:Trainer",
+            "koopman_lab.predictors.bilinear_edmd:KoopmanPrediction",
+            "koopman_lab.koopman.trainer:Trainer",
         ),
     },
 )

@@ -14,7 +14,7 @@ from koopman_lab.bus.channels import split_name
 from koopman_lab.bus.header import header_reader
 from koopman_lab.config.load import parse_config
 from koopman_lab.errors import ConfigError
-from koopman_lab.replay.rerun import Output
+from koopman_lab.replay.node_rerun import Output
 from koopman_lab.units import US_PER_S
 
 VERSION = {"version"}
@@ -27,9 +27,9 @@ OF_THE_MACHINE = VERSION | {
 CONFIG = "config_yaml"
 ARRIVAL = "arrival_us"
 FARTHEST_S = 0.5
-"""In real time, messages farther apart are not the same one."""
+"""Messages of a run in real time that are farther apart are not the same one."""
 SLACK_US = 2_000
-"""By so much the board's idea of the desk's time can differ from one run to the next."""
+"""How far the board's idea of the desk's time can differ from one run to the next."""
 
 
 class FieldDifference(NamedTuple):
@@ -61,7 +61,7 @@ class Difference(NamedTuple):
 
 @dataclass
 class Agreement:
-    """One channel.
+    """How the messages of one channel agree with those recorded.
 
     Attributes
     ----------
@@ -72,9 +72,9 @@ class Agreement:
     beyond
         Came at the log's last time and later, where the log may have been cut off.
     differences
-        Of each message that differs, in order.
+        The differences of each message that differs, in order.
     largest
-        By field, the largest difference of numbers.
+        The largest difference of numbers, by field.
     """
 
     equal: int = 0
@@ -202,24 +202,24 @@ def _compare(
     if old.data == new.data and (old.at_us == new.at_us or ignored is OF_THE_MACHINE):
         agreement.equal += 1
         return
-    found = []
+    differences = []
     if old.at_us != new.at_us and ignored is not OF_THE_MACHINE:
-        found.append(FieldDifference(ARRIVAL, old.at_us, new.at_us))
-    for name, was, now in _fields(old, new, decode, ignored):
-        if _same(was, now, tolerance):
+        differences.append(FieldDifference(ARRIVAL, old.at_us, new.at_us))
+    for name, was, now in _field_values(old, new, decode, ignored):
+        if _agree(was, now, tolerance):
             continue
-        found.append(FieldDifference(name, was, now))
+        differences.append(FieldDifference(name, was, now))
         if isinstance(was, (int, float)) and isinstance(now, (int, float)):
-            apart = abs(now - was)
-            agreement.largest[name] = max(apart, agreement.largest.get(name, 0.0))
-    if not found:
+            distance = abs(now - was)
+            agreement.largest[name] = max(distance, agreement.largest.get(name, 0.0))
+    if not differences:
         agreement.equal += 1
         return
     agreement.different += 1
-    agreement.differences.append(Difference(old.name, _number(old), old.at_us, tuple(found)))
+    agreement.differences.append(Difference(old.name, _number(old), old.at_us, tuple(differences)))
 
 
-def _fields(
+def _field_values(
     old: Output, new: Output, decode: Callable[[bytes], Any], ignored: set[str]
 ) -> Iterator[tuple[str, Any, Any]]:
     try:
@@ -233,7 +233,7 @@ def _fields(
         a, b = getattr(was, name), getattr(now, name)
         if name == CONFIG:
             # Written by another version it has other keys, and yet may mean the same.
-            a, b = _meaning(a), _meaning(b)
+            a, b = _parsed_config(a), _parsed_config(b)
         if isinstance(a, (list, tuple)):
             if len(a) != len(b):
                 yield f"len({name})", len(a), len(b)
@@ -243,14 +243,14 @@ def _fields(
             yield name, a, b
 
 
-def _meaning(text: str) -> object:
+def _parsed_config(text: str) -> object:
     try:
         return parse_config(text, CONFIG)
     except ConfigError:
         return text
 
 
-def _same(was: object, now: object, tolerance: float) -> bool:
+def _agree(was: object, now: object, tolerance: float) -> bool:
     if isinstance(was, float) and isinstance(now, float):
         if math.isnan(was) or math.isnan(now):
             return math.isnan(was) and math.isnan(now)

@@ -6,14 +6,15 @@ import struct
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from koopman_lab.bus.channels import ABOARD, HEARTBEATS
+from koopman_lab.bus.channel import ABOARD
+from koopman_lab.bus.channels import HEARTBEATS
 from koopman_lab.bus.processes import commanders, process
 from koopman_lab.bus.sequence import SequenceCounter
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LogError
 from koopman_lab.eventlog.eventlog import Event
 from koopman_lab.replay.message_types import require_readable, unreadable_channels
-from koopman_lab.replay.replay import rhythm
+from koopman_lab.replay.timed_replay import rhythm
 from koopman_lab.units import PPM, US_PER_S
 
 LATEST_START_S = 5.0
@@ -21,7 +22,7 @@ LATEST_START_S = 5.0
 
 
 class RecordedProcess(NamedTuple):
-    """Of a process.
+    """How a node's process was when a log was recorded.
 
     Attributes
     ----------
@@ -60,8 +61,8 @@ def recorded_process(node_name: str, config: LabConfig, events: Sequence[Event])
             f"{name}: not in the log, so this {node_name} did not run in it; "
             "`klab log info` shows who did"
         )
-    others = sorted(commanders() - {node_name}) if process(node_name).commands else []
-    for other in others:
+    other_commanders = sorted(commanders() - {node_name}) if process(node_name).commands else []
+    for other in other_commanders:
         if _heartbeats(other, config, events):
             raise LogError(
                 f"{name}: the log holds a {other} as well, on the same channels; "

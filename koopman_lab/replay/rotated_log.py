@@ -6,8 +6,8 @@ from pathlib import Path
 
 from koopman_lab.data.decode import log_file
 from koopman_lab.eventlog.eventlog import Damage, Event, read_events
-from koopman_lab.eventlog.logwriter import parts
-from koopman_lab.eventlog.older_layouts import present
+from koopman_lab.eventlog.logwriter import files_of_log
+from koopman_lab.eventlog.older_layouts import in_present_layout
 
 
 def read_rotated_log(
@@ -33,8 +33,8 @@ def read_rotated_log(
     """
     first = log_file(path)
     events: list[Event] = []
-    for file in parts(first) or [first]:
+    for file in files_of_log(first) or [first]:
         if file == first or file.stat().st_size:  # a next file may be begun and ended by force
             written = read_events(file, salvage=salvage, damage=damage)
-            events.extend(event._replace(data=present(event.data)) for event in written)
+            events.extend(event._replace(data=in_present_layout(event.data)) for event in written)
     return events

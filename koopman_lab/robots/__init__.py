@@ -1,1 +1,1 @@
-"""What kinds of robots there are."""
+"""Kinds of robots: one description each, and the table of all of them."""

@@ -31,15 +31,15 @@ class BodyDrive(ABC):
     integrates: bool
 
     @abstractmethod
-    def after(self, velocity: Speeds, u: Speeds, dt_s: float) -> Speeds:
+    def velocity_after(self, velocity: Speeds, u: Speeds, dt_s: float) -> Speeds:
         """Return the nominal velocity when ``u`` has acted on ``velocity`` for a time (s)."""
 
     @abstractmethod
-    def towards(self, velocity: Speeds, target: Speeds, dt_s: float) -> Speeds:
+    def input_towards(self, velocity: Speeds, target: Speeds, dt_s: float) -> Speeds:
         """Return the input that leads from one velocity to another within a time (s)."""
 
     @abstractmethod
-    def along(self, begin: Speeds, end: Speeds, dt_s: float) -> Speeds:
+    def input_along(self, begin: Speeds, end: Speeds, dt_s: float) -> Speeds:
         """Return the input that moves the robot as a velocity does that changes linearly.
 
         It changes from ``begin`` to ``end`` over a time (s).
@@ -55,17 +55,17 @@ class BodyDrive(ABC):
 class VelocityDrive(BodyDrive):
     """Inputs are velocities (v, omega), taken up at once (paper, section 3.1)."""
 
-    def after(self, velocity: Speeds, u: Speeds, dt_s: float) -> Speeds:
+    def velocity_after(self, velocity: Speeds, u: Speeds, dt_s: float) -> Speeds:
         """Return the input."""
         del velocity, dt_s
         return u
 
-    def towards(self, velocity: Speeds, target: Speeds, dt_s: float) -> Speeds:
+    def input_towards(self, velocity: Speeds, target: Speeds, dt_s: float) -> Speeds:
         """Return the target."""
         del velocity, dt_s
         return target
 
-    def along(self, begin: Speeds, end: Speeds, dt_s: float) -> Speeds:
+    def input_along(self, begin: Speeds, end: Speeds, dt_s: float) -> Speeds:
         """Return the mean velocity, which covers the same way and the same turn."""
         del dt_s
         return 0.5 * (begin[0] + end[0]), 0.5 * (begin[1] + end[1])
@@ -74,17 +74,17 @@ class VelocityDrive(BodyDrive):
 class AccelerationDrive(BodyDrive):
     """Inputs are accelerations (a, d_omega) in m/s^2 and rad/s^2 (paper, section 3.2)."""
 
-    def after(self, velocity: Speeds, u: Speeds, dt_s: float) -> Speeds:
+    def velocity_after(self, velocity: Speeds, u: Speeds, dt_s: float) -> Speeds:
         """Return the velocity with what the accelerations add to it."""
         return velocity[0] + u[0] * dt_s, velocity[1] + u[1] * dt_s
 
-    def towards(self, velocity: Speeds, target: Speeds, dt_s: float) -> Speeds:
+    def input_towards(self, velocity: Speeds, target: Speeds, dt_s: float) -> Speeds:
         """Return the constant accelerations between the velocities."""
         return (target[0] - velocity[0]) / dt_s, (target[1] - velocity[1]) / dt_s
 
-    def along(self, begin: Speeds, end: Speeds, dt_s: float) -> Speeds:
+    def input_along(self, begin: Speeds, end: Speeds, dt_s: float) -> Speeds:
         """Return the same: the velocity changes linearly under constant accelerations."""
-        return self.towards(begin, end, dt_s)
+        return self.input_towards(begin, end, dt_s)
 
 
 BY_VELOCITIES = VelocityDrive(("v_m_per_s", "omega_rad_per_s"), integrates=False)

@@ -14,12 +14,12 @@ class CommandMessage:
     Attributes
     ----------
     suffix
-        Of the channel, such as ``VELOCITY_CMD``. Kinds that share it share the message.
+        The channel's suffix, such as ``VELOCITY_CMD``. Kinds that share it share the message.
     type
         Generated from a struct in LCM's language. It begins with ``utime``, ``sequence``,
         ``commander`` and ``intent``, which mean what they do in ``velocity_command_t``.
     fields
-        Those that hold the input, one a component, in the order of the robot's inputs.
+        Fields that hold the input, one a component, in the order of the robot's inputs.
     """
 
     suffix: str

@@ -12,8 +12,8 @@ import lcmtypes
 from koopman_lab.robots.body_drive import BY_VELOCITIES
 from koopman_lab.robots.command_message import CommandMessage
 from koopman_lab.robots.robot_type import Array, Components, Quantity, RobotType
-from koopman_lab.robots.rolling import roll
 from koopman_lab.robots.standard_runs import StandardRuns
+from koopman_lab.robots.wheel_kinematics import roll
 
 
 def _components(x: Components, u: Components, dt_s: Any, m: Any) -> Components:

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 POSE_NAMES = ("x1", "x2", "theta")
 POSE_DIM = len(POSE_NAMES)
 MOST_STATES, MOST_INPUTS = lcmtypes.mpc_state_t.MOST_STATES, lcmtypes.mpc_state_t.MOST_INPUTS
-"""As many as the arrays of the messages hold."""
+"""Lengths of the arrays that hold states and inputs in messages."""
 Components = list[Any]
 """Numbers, arrays of equal shape, or CasADi symbols."""
 
@@ -132,14 +132,14 @@ class RobotType:
 
     def _faults(self) -> Iterator[str]:
         """Give what is wrong with the description."""
-        for what, quantities, most in (
+        for what, quantities, largest in (
             ("states", self.states, MOST_STATES),
             ("inputs", self.inputs, MOST_INPUTS),
         ):
-            if not 1 <= len(quantities) <= most:
+            if not 1 <= len(quantities) <= largest:
                 yield (
-                    f" has {len(quantities)} {what}, messages have room for {most}; describe it "
-                    f"with 1 to {most}"
+                    f" has {len(quantities)} {what}, messages have room for {largest}; describe it "
+                    f"with 1 to {largest}"
                 )
         if self.state_names[:POSE_DIM] != POSE_NAMES:
             yield (

@@ -1,4 +1,4 @@
-"""The one table of robots."""
+"""The one table of kinds of robots, by the names that configurations and commands use."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ROBOTS: Registry[RobotType] = Registry(
     },
 )
 DEFAULT_ROBOT = "kinematic"
-"""Of a lab that says none."""
+"""The kind of robot of a lab that says none."""
 
 
 def robot_type(name: str) -> RobotType:
@@ -31,4 +31,4 @@ def robot_type(name: str) -> RobotType:
     PluginError
         If it is another package's, and cannot be used.
     """
-    return ROBOTS.own(name) or ROBOTS.get(name)
+    return ROBOTS.builtin_row(name) or ROBOTS.get(name)

@@ -30,15 +30,15 @@ class Run:
     Attributes
     ----------
     time_s
-        Of each state, (K + 1,).
+        Time of each state, (K + 1,).
     states
-        (K + 1, n), relative to the goal.
+        States (K + 1, n), relative to the goal.
     inputs
-        (K, m).
+        Inputs (K, m).
     values
         Value function in the first K states, (K,).
     iterations
-        Of the solver in each step, (K,).
+        Iterations of the solver in each step, (K,).
     unsolved
         Number of steps in which the solver found nothing.
     """
@@ -105,10 +105,10 @@ def closed_loop(
 
 def columns(robot: RobotType) -> tuple[str, ...]:
     """Return the columns of :func:`row`: time, pose, speeds, other states, inputs, value."""
-    others = [robot.states[index].column for index in _other_states(robot)]
+    other_columns = [robot.states[index].column for index in _other_states(robot)]
     pose = [state.column for state in robot.states[:POSE_DIM]]
     inputs = [f"u{index + 1}" for index in range(robot.input_dim)]
-    return ("time_s", *pose, *SPEEDS, *others, *inputs, "value")
+    return ("time_s", *pose, *SPEEDS, *other_columns, *inputs, "value")
 
 
 def row(
@@ -121,8 +121,8 @@ def row(
 ) -> list[Any]:
     """Return a line of :func:`columns`; ``no_speed`` stands for speeds that ``x`` does not hold."""
     speeds: list[Any] = [x[index] for index in robot.speeds_at] or [no_speed] * len(SPEEDS)
-    others = [x[index] for index in _other_states(robot)]
-    return [time_s, *x[:POSE_DIM], *speeds, *others, *u, value]
+    other_values = [x[index] for index in _other_states(robot)]
+    return [time_s, *x[:POSE_DIM], *speeds, *other_values, *u, value]
 
 
 def as_rows(run: Run, robot: RobotType) -> list[list[Any]]:

@@ -57,7 +57,7 @@ class Case:
     way
         What it predicts with.
     duration_s
-        Of a run.
+        Length of a run (s).
     model
         What the model's file holds; empty for ``nominal``.
     refused
@@ -106,25 +106,25 @@ def run(case: Case, index: int) -> dict[str, Any]:
     if case.refused:
         return row | {"reason": case.refused}
     try:
-        prediction, solver = made(case)
+        prediction, solver = prediction_and_solver(case)
         began_s, solver.spent_s = time.perf_counter(), 0.0
-        done = closed_loop(case.config, prediction, x0, case.duration_s, solver)
+        result = closed_loop(case.config, prediction, x0, case.duration_s, solver)
     except Exception as error:  # whatever went wrong belongs into the table
         return row | {"reason": f"{type(error).__name__}: {error}"}
     row |= zip(TIMES, (time.perf_counter() - began_s, solver.spent_s), strict=True)
-    if not np.isfinite(done.states).all():
-        return row | {"unsolved": done.unsolved, "reason": "the state grew without bound"}
-    row |= zip(COLUMNS[5:8], done.states[-1, :3].tolist(), strict=True)
-    return row | {"unsolved": done.unsolved}
+    if not np.isfinite(result.states).all():
+        return row | {"unsolved": result.unsolved, "reason": "the state grew without bound"}
+    row |= zip(COLUMNS[5:8], result.states[-1, :3].tolist(), strict=True)
+    return row | {"unsolved": result.unsolved}
 
 
-class Timed:
+class TimedSolver:
     """A solver that adds up the real time it takes.
 
     Parameters
     ----------
     solver
-        Does the work.
+        The solver whose time is measured.
     """
 
     def __init__(self, solver: Solver) -> None:
@@ -146,10 +146,10 @@ class Timed:
 
 
 # Of each thread: a solver serves one, and a worker of a cluster may have several.
-_MADE = threading.local()
+_PER_THREAD = threading.local()
 
 
-def made(case: Case) -> tuple[PredictionModel, Timed]:
+def prediction_and_solver(case: Case) -> tuple[PredictionModel, TimedSolver]:
     """Return prediction and solver, made once in a process and thread.
 
     Raises
@@ -157,7 +157,9 @@ def made(case: Case) -> tuple[PredictionModel, Timed]:
     LabError
         If model and configuration do not fit.
     """
-    known: dict[str, tuple[PredictionModel, Timed]] = _MADE.__dict__.setdefault("known", {})
+    known: dict[str, tuple[PredictionModel, TimedSolver]] = _PER_THREAD.__dict__.setdefault(
+        "known", {}
+    )
     content = hashlib.sha256(case.model).hexdigest()
     key = f"{case.way} {content} {case.config.model_dump_json()}"
     if key not in known:
@@ -166,13 +168,13 @@ def made(case: Case) -> tuple[PredictionModel, Timed]:
             if case.way == "nominal"
             else prediction(_loaded(case.model, content))
         )
-        known[key] = planned, Timed(solver_of(planned, case.config))
+        known[key] = planned, TimedSolver(solver_of(planned, case.config))
     return known[key]
 
 
 def _loaded(content: bytes, digest: str) -> LearnedModel:
     """Return the model of a file that holds this, read once however many cases are of it."""
-    models: dict[str, LearnedModel] = _MADE.__dict__.setdefault("models", {})
+    models: dict[str, LearnedModel] = _PER_THREAD.__dict__.setdefault("models", {})
     if digest not in models:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "model.npz"

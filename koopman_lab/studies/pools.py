@@ -12,16 +12,16 @@ from typing import Any, NamedTuple, Protocol
 
 from koopman_lab.errors import LabStateError
 from koopman_lab.installation import require
-from koopman_lab.studies.parking import Case, made, run
+from koopman_lab.studies.parking import Case, prediction_and_solver, run
 
 Chunk = tuple[Case, Sequence[int]]
 CONNECT_S = 20.0
-"""Within which a scheduler must answer and have a worker."""
+"""Time within which a scheduler must answer and have a worker."""
 AHEAD = 4
 """Chunks sent to a cluster for each thread of its workers, so that none of them waits."""
 
 
-class Done(NamedTuple):
+class ChunkResult(NamedTuple):
     """What a chunk brought: its rows, and what solved in them, in words for a person."""
 
     rows: list[dict[str, Any]]
@@ -33,21 +33,21 @@ class WorkerLostError(Exception):
 
 
 class Pool(Protocol):
-    """Runs chunks."""
+    """Runs the chunks of a study."""
 
     workers: int
     where: str
-    """In words for a person."""
+    """Where the runs run, in words for a person."""
 
-    def __call__(self, chunks: Sequence[Chunk]) -> Iterator[Done]:
+    def __call__(self, chunks: Sequence[Chunk]) -> Iterator[ChunkResult]:
         """Yield what each chunk brought."""
 
 
-def run_chunk(case: Case, indices: Sequence[int]) -> Done:
+def run_chunk(case: Case, indices: Sequence[int]) -> ChunkResult:
     """Run some runs of one case."""
     rows = [run(case, index) for index in indices]
     good = any(row["reason"] is None for row in rows)
-    return Done(rows, made(case)[1].description if good else "")
+    return ChunkResult(rows, prediction_and_solver(case)[1].description if good else "")
 
 
 class Processes:
@@ -56,14 +56,14 @@ class Processes:
     Parameters
     ----------
     workers
-        How many.
+        Number of processes.
     """
 
     def __init__(self, workers: int) -> None:
         self.workers = workers
         self.where = "processes"
 
-    def __call__(self, chunks: Sequence[Chunk]) -> Iterator[Done]:
+    def __call__(self, chunks: Sequence[Chunk]) -> Iterator[ChunkResult]:
         """Yield what each chunk brought.
 
         Raises
@@ -77,7 +77,7 @@ class Processes:
         with joblib.parallel_config("loky", n_jobs=self.workers, inner_max_num_threads=1):
             pool = joblib.Parallel(return_as="generator_unordered", batch_size=1)
             try:
-                yield from pool(joblib.delayed(run_chunk)(*each) for each in chunks)
+                yield from pool(joblib.delayed(run_chunk)(*chunk) for chunk in chunks)
             except BrokenProcessPool:
                 raise WorkerLostError from None
 
@@ -91,9 +91,9 @@ class Cluster:
     Parameters
     ----------
     address
-        Of the scheduler, e.g. ``tcp://192.0.2.1:8786``.
+        Address of the scheduler, e.g. ``tcp://192.0.2.1:8786``.
     workers
-        How many to wait for; those that come later join in.
+        Number of workers to wait for; those that come later join in.
 
     Raises
     ------
@@ -111,10 +111,10 @@ class Cluster:
         try:
             self._client = Client(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:
-            said = str(error).splitlines()[0] if str(error) else type(error).__name__
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise LabStateError(
-                f"--dask {address}: no scheduler answers ({said}); start one with `dask scheduler` "
-                "and name the address it prints"
+                f"--dask {address}: no scheduler answers ({reason}); start one with "
+                "`dask scheduler` and name the address it prints"
             ) from None
         try:
             self._client.wait_for_workers(workers, timeout=CONNECT_S)
@@ -126,7 +126,7 @@ class Cluster:
             ) from None
         self.workers = sum(self._client.nthreads().values())
 
-    def __call__(self, chunks: Sequence[Chunk]) -> Iterator[Done]:
+    def __call__(self, chunks: Sequence[Chunk]) -> Iterator[ChunkResult]:
         """Yield what each chunk brought.
 
         Raises
@@ -141,10 +141,10 @@ class Cluster:
         waiting = iter(chunks)
         try:
             first = self._submit(itertools.islice(waiting, AHEAD * self.workers))
-            begun = as_completed(first, loop=self._client.loop)
-            for future in begun:
+            futures = as_completed(first, loop=self._client.loop)
+            for future in futures:
                 yield future.result()
-                begun.update(self._submit(itertools.islice(waiting, 1)))
+                futures.update(self._submit(itertools.islice(waiting, 1)))
         except KilledWorker as error:
             raise LabStateError(f"--dask {self.where}: {error}") from None
         except (FutureCancelledError, OSError, TimeoutError):
@@ -153,4 +153,4 @@ class Cluster:
             self._client.close()
 
     def _submit(self, chunks: Iterable[Chunk]) -> list[Any]:
-        return [self._client.submit(run_chunk, *each, pure=False) for each in chunks]
+        return [self._client.submit(run_chunk, *chunk, pure=False) for chunk in chunks]

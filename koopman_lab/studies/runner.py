@@ -19,11 +19,11 @@ from pathlib import Path
 from typing import Any
 
 from koopman_lab.errors import DataError, LabStateError
-from koopman_lab.figures.distribution import draw_distribution
+from koopman_lab.figures.distribution_figure import draw_distribution
 from koopman_lab.files import write_csv, write_json
-from koopman_lab.studies import table
+from koopman_lab.studies import deviation_table
 from koopman_lab.studies.parking import COLUMNS, Case
-from koopman_lab.studies.pools import Chunk, Done, Pool, WorkerLostError
+from koopman_lab.studies.pools import Chunk, ChunkResult, Pool, WorkerLostError
 
 Row = dict[str, Any]
 MOST_POOLS = 4
@@ -37,11 +37,11 @@ class Study:
     Attributes
     ----------
     name
-        Of the study.
+        Name of the study.
     cases
-        With different labels.
+        The cases, with different labels.
     runs
-        Of each case, from starts 0 on.
+        Number of runs of each case, from start 0 on.
     facts
         What else was asked, JSON: a study goes on only if it is the same.
     """
@@ -81,9 +81,9 @@ def run_study(
     Parameters
     ----------
     folder
-        Of the study.
+        Folder of the study.
     study
-        What is to be run.
+        The study.
     pool
         Who runs it.
     chunk
@@ -105,39 +105,39 @@ def run_study(
     """
     began_s, solvers = time.perf_counter(), set()
     with _locked(folder):
-        found = _open(folder, study, resume)
-        wanted = {(case.label, index) for case in study.cases for index in range(study.runs)}
-        before, lost = len(found.keys() & wanted), 0
-        on_progress(before, len(wanted), 0.0)
+        rows_by_key = _completed_rows(folder, study, resume)
+        keys = {(case.label, index) for case in study.cases for index in range(study.runs)}
+        count_before, lost = len(rows_by_key.keys() & keys), 0
+        on_progress(count_before, len(keys), 0.0)
         with (folder / "rows.jsonl").open("a", encoding="utf-8") as file:
-            while chunks := _missing(study, found, chunk):
-                for done in _safely(pool, chunks, folder):
-                    if done is None:
+            while chunks := _missing(study, rows_by_key, chunk):
+                for chunk_result in _safely(pool, chunks, folder):
+                    if chunk_result is None:
                         lost += 1
                         on_loss(MOST_POOLS - lost)
                         break
-                    file.writelines(json.dumps(row) + "\n" for row in done.rows)
+                    file.writelines(json.dumps(row) + "\n" for row in chunk_result.rows)
                     file.flush()
                     os.fsync(file.fileno())
-                    found |= {(row["case"], row["index"]): row for row in done.rows}
-                    solvers |= {done.solver} - {""}
-                    count = len(found.keys() & wanted)
+                    rows_by_key |= {(row["case"], row["index"]): row for row in chunk_result.rows}
+                    solvers |= {chunk_result.solver} - {""}
+                    count = len(rows_by_key.keys() & keys)
                     on_progress(
-                        count, len(wanted), (count - before) / (time.perf_counter() - began_s)
+                        count, len(keys), (count - count_before) / (time.perf_counter() - began_s)
                     )
                 if lost == MOST_POOLS:
                     raise LabStateError(
                         f"{folder}: {lost} times a process of the pool was killed; see whether "
                         "memory is short (fewer --workers), then go on with --resume"
                     )
-        ordered = [found[key] for key in sorted(wanted)]
+        ordered = [rows_by_key[key] for key in sorted(keys)]
         elapsed_s = time.perf_counter() - began_s
         _write(folder, study, ordered)
-        _summarise(folder, study, ordered, pool, elapsed_s, len(wanted) - before, lost, solvers)
+        _summarise(folder, study, ordered, pool, elapsed_s, len(keys) - count_before, lost, solvers)
     return ordered
 
 
-def _safely(pool: Pool, chunks: Sequence[Chunk], folder: Path) -> Iterator[Done | None]:
+def _safely(pool: Pool, chunks: Sequence[Chunk], folder: Path) -> Iterator[ChunkResult | None]:
     """Yield what chunks brought, and None in the end if the pool lost a process."""
     try:
         yield from pool(chunks)
@@ -149,11 +149,13 @@ def _safely(pool: Pool, chunks: Sequence[Chunk], folder: Path) -> Iterator[Done 
         ) from None
 
 
-def _missing(study: Study, found: dict[tuple[str, int], Row], chunk: int) -> list[Chunk]:
+def _missing(study: Study, rows_by_key: dict[tuple[str, int], Row], chunk: int) -> list[Chunk]:
     chunks: list[Chunk] = []
     for case in study.cases:
-        missing = [i for i in range(study.runs) if (case.label, i) not in found]
-        chunks += [(case, missing[at : at + chunk]) for at in range(0, len(missing), chunk)]
+        missing = [i for i in range(study.runs) if (case.label, i) not in rows_by_key]
+        chunks += [
+            (case, missing[first : first + chunk]) for first in range(0, len(missing), chunk)
+        ]
     return chunks
 
 
@@ -164,8 +166,10 @@ def _write(folder: Path, study: Study, rows: Sequence[Row]) -> None:
         title = f"{case.config.robot.kind} robot, after {case.duration_s:g} s"
         panels.setdefault(title, []).append(case.label)
     write_csv(folder / "rows.csv", COLUMNS, ([row[c] for c in COLUMNS] for row in rows))
-    write_csv(folder / "table.csv", table.COLUMNS, table.table(rows, labels))
-    draw_distribution(folder / "distribution", panels, table.deviations_mm(rows))
+    write_csv(
+        folder / "table.csv", deviation_table.COLUMNS, deviation_table.deviation_table(rows, labels)
+    )
+    draw_distribution(folder / "distribution", panels, deviation_table.deviations_mm(rows))
 
 
 def _summarise(
@@ -174,35 +178,37 @@ def _summarise(
     rows: Sequence[Row],
     pool: Pool,
     elapsed_s: float,
-    done: int,
+    runs_done: int,
     lost: int,
     solvers: set[str],
 ) -> None:
     of_cases = {}
     for case in study.cases:
-        mine = [row for row in rows if row["case"] == case.label]
-        run_s = sum(row["run_s"] for row in mine)
+        case_rows = [row for row in rows if row["case"] == case.label]
+        run_s = sum(row["run_s"] for row in case_rows)
         of_cases[case.label] = {
-            "runs": len(mine),
-            "failed": sum(row["reason"] is not None for row in mine),
+            "runs": len(case_rows),
+            "failed": sum(row["reason"] is not None for row in case_rows),
             "run_s": run_s,
-            "solving_s": sum(row["solving_s"] for row in mine),
-            "runs_per_second_of_a_worker": len(mine) / run_s if run_s else None,
+            "solving_s": sum(row["solving_s"] for row in case_rows),
+            "runs_per_second_of_a_worker": len(case_rows) / run_s if run_s else None,
         }
     write_json(
         folder / "summary.json",
         {
             "what": f"study {study.name}",
             "runs": len(rows),
-            "runs_of_this_command": done,
+            "runs_of_this_command": runs_done,
             "wall_clock_s": elapsed_s,
-            "runs_per_second": done / elapsed_s,
+            "runs_per_second": runs_done / elapsed_s,
             "where": pool.where,
             "workers": pool.workers,
             "pools_lost": lost,
             "solvers": sorted(solvers),
-            "solving_s": sum(of["solving_s"] for of in of_cases.values()),
-            "rest_of_the_runs_s": sum(of["run_s"] - of["solving_s"] for of in of_cases.values()),
+            "solving_s": sum(facts["solving_s"] for facts in of_cases.values()),
+            "rest_of_the_runs_s": sum(
+                facts["run_s"] - facts["solving_s"] for facts in of_cases.values()
+            ),
             "cases": of_cases,
             "version": version("koopman-lab"),
         },
@@ -229,24 +235,24 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
 
 
-def _open(folder: Path, study: Study, resume: bool) -> dict[tuple[str, int], Row]:
+def _completed_rows(folder: Path, study: Study, resume: bool) -> dict[tuple[str, int], Row]:
     """Return the rows that count already; what a torn last line held is run again."""
     # As JSON gives it back: tuples are lists there.
-    asked = json.loads(json.dumps(study.described()))
-    said, rows = folder / "study.json", folder / "rows.jsonl"
-    if not said.exists():
-        write_json(said, asked)
+    requested = json.loads(json.dumps(study.described()))
+    description, rows_file = folder / "study.json", folder / "rows.jsonl"
+    if not description.exists():
+        write_json(description, requested)
         return {}
     if not resume:
         raise DataError(f"{folder}: holds a study already; go on with --resume or choose --out")
-    known = json.loads(said.read_text(encoding="utf-8"))
-    if known | {"runs": study.runs} != asked:
+    recorded = json.loads(description.read_text(encoding="utf-8"))
+    if recorded | {"runs": study.runs} != requested:
         raise DataError(f"{folder}: holds a study with other settings; choose another with --out")
-    if known != asked:
-        write_json(said, asked)
-    content = rows.read_bytes()
-    whole = content[: content.rfind(b"\n") + 1]
-    if whole != content:
-        os.truncate(rows, len(whole))
-    parsed = [json.loads(line) for line in whole.splitlines()]
+    if recorded != requested:
+        write_json(description, requested)
+    content = rows_file.read_bytes()
+    complete = content[: content.rfind(b"\n") + 1]
+    if complete != content:
+        os.truncate(rows_file, len(complete))
+    parsed = [json.loads(line) for line in complete.splitlines()]
     return {(row["case"], row["index"]): row for row in parsed}

@@ -9,9 +9,10 @@ import numpy as np
 
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import DataError, LabError
-from koopman_lab.evaluation.heldout import only
+from koopman_lab.evaluation.heldout import select_pairs
 from koopman_lab.evaluation.samples_needed import draw
-from koopman_lab.koopman.train import Method, train
+from koopman_lab.koopman.trainer import train
+from koopman_lab.koopman.training_report import Method
 
 COUNTS = (5, 10, 50, 100, 200, 500, 1000, 2000)
 """Samples for each basis input, section 6 of the paper; besides them, all."""
@@ -50,7 +51,7 @@ def drawn(dataset: DataSet, count: int, seed: int) -> DataSet:
             raise DataError(f"basis input {index}: {count} samples wanted, {len(segments)} there")
         chosen[index] = np.zeros(len(segments), bool)
         chosen[index][draw(segments, count, rng)] = True
-    return only(dataset, chosen)
+    return select_pairs(dataset, chosen)
 
 
 def trained(
@@ -61,22 +62,22 @@ def trained(
     Parameters
     ----------
     file
-        The model's.
+        File of the model.
     recipe
-        How to make it.
+        How the model is made.
     dataset
-        What to make it of.
+        The data that the model is made of.
     dictionary
-        Name or expressions.
+        Name or expressions of the dictionary.
     seed
-        Of the draw of samples.
+        Seed of the draw of samples.
     keep
         Take the file as it is if it is there: that of an interrupted study.
     """
     if not (keep and file.exists()):
         try:
-            wanted = recipe.samples
-            part = dataset if wanted is None else drawn(dataset, wanted, seed)
+            count = recipe.samples
+            part = dataset if count is None else drawn(dataset, count, seed)
             model, _ = train(part, dictionary, recipe.method)
         except LabError as error:
             return Trained(b"", str(error))

@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import CostName, LabConfig, Weights
 from koopman_lab.koopman.dictionary import Dictionary, dictionary
-from koopman_lab.mpc.costs import stage_weights
+from koopman_lab.mpc.configured_cost import stage_weights
 from koopman_lab.predictors.predictor import PredictionModel
 from koopman_lab.robots.table import robot_type
 from koopman_lab.studies.closed_loop import closed_loop, x2_last_mm
 
 FACTORS = (0.1, 1.0, 10.0)
-"""Of the weights of each group."""
+"""Factors of the weights of each group."""
 BOUND_FACTORS = (0.5, 2.0)
-"""Of the inputs' bounds, at the configured weights."""
+"""Factors of the inputs' bounds, at the configured weights."""
 GROUPS = ("x1", "x2", "angle", "inputs")
 """What is weighted together; speeds and their products keep their weights."""
 
@@ -67,7 +67,7 @@ def settings(costs: Sequence[CostName], factors: Sequence[float] = FACTORS) -> l
 
 
 def apply(config: LabConfig, setting: Setting, observables: Dictionary) -> LabConfig:
-    """Return the configuration of a setting."""
+    """Return the configuration with the weights and bounds of a setting."""
     controller = config.controller.model_copy(update={"cost": setting.cost})
     names, q, r = stage_weights(controller, robot_type(config.robot.kind), observables)
     by_group = dict(zip(GROUPS, setting.factors, strict=True))
@@ -101,9 +101,9 @@ def study(
     grid: Sequence[Setting],
 ) -> Iterator[WeightsRow]:
     """Simulate one setting after the other; see :func:`~.closed_loop.closed_loop`."""
-    own = dictionary(config.model.dictionary, config.robot.kind)
+    configured = dictionary(config.model.dictionary, config.robot.kind)
     for setting in grid:
-        lab = apply(config, setting, prediction.dictionary or own)
+        lab = apply(config, setting, prediction.dictionary or configured)
         run = closed_loop(lab, prediction, x0, duration_s)
         x1, x2, theta = run.states[-1, :3].tolist()
         yield WeightsRow(setting, (x1, x2, theta), x2_last_mm(run), run.unsolved)
@@ -122,22 +122,22 @@ def as_table(rows: Sequence[WeightsRow]) -> tuple[list[str], list[list[Any]]]:
 
 def summary(rows: Sequence[WeightsRow]) -> dict[str, dict[str, float]]:
     """Return by cost what ``x2_last_mm`` is over the grid, and with the configured weights."""
-    found: dict[str, dict[str, float]] = {}
+    summaries: dict[str, dict[str, float]] = {}
     for cost in dict.fromkeys(row.setting.cost for row in rows):
-        own = [row for row in rows if row.setting.cost == cost]
-        ends = np.array([row.x2_last_mm for row in own])
+        cost_rows = [row for row in rows if row.setting.cost == cost]
+        final_mm = np.array([row.x2_last_mm for row in cost_rows])
         plain = next(
             row.x2_last_mm
-            for row in own
+            for row in cost_rows
             if set(row.setting.factors) == {1.0} and row.setting.bounds == 1.0
         )
-        found[cost] = {
-            "runs": len(own),
+        summaries[cost] = {
+            "runs": len(cost_rows),
             "configured_mm": plain,
-            "best_mm": float(ends.min()),
-            "median_mm": float(np.median(ends)),
-            "worst_mm": float(ends.max()),
-            "share_below_1_mm": float(np.mean(ends < 1.0)),
-            "share_below_5_mm": float(np.mean(ends < 5.0)),
+            "best_mm": float(final_mm.min()),
+            "median_mm": float(np.median(final_mm)),
+            "worst_mm": float(final_mm.max()),
+            "share_below_1_mm": float(np.mean(final_mm < 1.0)),
+            "share_below_5_mm": float(np.mean(final_mm < 5.0)),
         }
-    return found
+    return summaries

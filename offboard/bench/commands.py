@@ -140,7 +140,7 @@ def motor(
     curves = responses(kinematic, dynamic)
     merit = figures_of_merit(curves)
     if figure is not None:
-        from koopman_lab.figures.motor import draw_responses
+        from koopman_lab.figures.motor_figure import draw_responses
 
         draw_responses(figure, curves)
         err.print(f"figure: {figure.with_suffix('.png')}")

@@ -74,7 +74,7 @@ def _measure(path: Path, repetitions: int) -> dict[str, Any]:
 
     from koopman_lab.data.dataset import DataSet
     from koopman_lab.data.decode import SessionLog
-    from koopman_lab.eventlog.logwriter import parts
+    from koopman_lab.eventlog.logwriter import files_of_log
 
     rows = []
     with progress("timing", "times") as report:
@@ -89,7 +89,7 @@ def _measure(path: Path, repetitions: int) -> dict[str, Any]:
     percentiles = np.percentile(rows, [50.0, 99.0, 100.0], axis=0).T.tolist()
     facts: dict[str, Any] = {
         "file": str(log.path),
-        "bytes": sum(file.stat().st_size for file in parts(log.path)),
+        "bytes": sum(file.stat().st_size for file in files_of_log(log.path)),
         "events": sum(channel.count for channel in log.channels.values()),
         "pairs": pairs,
         "repetitions": repetitions,

@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.koopman.bilinear_model import BilinearModel
-from koopman_lab.mpc.costs import StageCost, stage_cost
+from koopman_lab.mpc.configured_cost import stage_cost
 from koopman_lab.mpc.receding_horizon import RecedingHorizon, solver_of
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, Solver
-from koopman_lab.predictors.edmd import KoopmanPrediction
+from koopman_lab.mpc.stage_costs import StageCost
+from koopman_lab.predictors.bilinear_edmd import KoopmanPrediction
 from koopman_lab.predictors.lifted import LiftedPrediction
 from koopman_lab.predictors.predictor import PredictionModel
 from koopman_lab.robots.table import ROBOTS, robot_type
@@ -97,7 +98,7 @@ def trained(files: Sequence[Path] | None) -> Iterator[list[BilinearModel]]:
         return
     from koopman_lab.data.dataset import DataSet
     from koopman_lab.data.decode import SessionLog
-    from koopman_lab.koopman.train import train
+    from koopman_lab.koopman.trainer import train
     from offboard.lab.calibration import calibrate
     from offboard.lab.run_folder import new_folder
 

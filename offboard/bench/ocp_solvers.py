@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.schema import BackEnd, LabConfig
-from koopman_lab.mpc.costs import StageCost, cost_of
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Solver, make_solver
+from koopman_lab.mpc.stage_costs import StageCost, cost_of
 from koopman_lab.predictors.predictor import PredictionModel
 
 Array = NDArray[np.float64]

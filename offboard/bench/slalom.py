@@ -49,4 +49,4 @@ class Slalom:
         dt_s, before = self._config.controller.dt_s, self._velocity
         # From rest to the weave takes longer than one interval.
         self._velocity = Velocity(slew(before.v, weave.v, LARGEST_A * dt_s), weave.omega)
-        self._commands.send(self._drive.towards(before, self._velocity, dt_s), tick_us)
+        self._commands.send(self._drive.input_towards(before, self._velocity, dt_s), tick_us)

@@ -24,14 +24,18 @@ class NodeGroup(TyperGroup):
         from koopman_lab.bus.processes import PROCESSES
 
         names = super().list_commands(ctx)
-        return [*names, *(name for name in PROCESSES.others() if name not in names)]
+        return [*names, *(name for name in PROCESSES.plugin_names() if name not in names)]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return the command of a node; None if there is no such node."""
         from koopman_lab.bus.processes import PROCESSES
 
         command = super().get_command(ctx, cmd_name)
-        return _command(cmd_name) if command is None and cmd_name in PROCESSES.others() else command
+        return (
+            _command(cmd_name)
+            if command is None and cmd_name in PROCESSES.plugin_names()
+            else command
+        )
 
 
 def _command(name: str) -> Any:

@@ -31,7 +31,7 @@ Run = TypeVar("Run", bound=Callable[..., None])
 
 def _command_of_process(function: Run) -> Run:
     """Make a function the command of the process in the table that has its name."""
-    row = PROCESSES.own(function.__name__)
+    row = PROCESSES.builtin_row(function.__name__)
     assert row is not None, function.__name__
     return app.command(row.name, hidden=row.hidden)(function)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any
 
 from koopman_lab.config.change import changed
-from koopman_lab.config.costs import COSTS
+from koopman_lab.config.cost_table import COSTS
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.robots.table import robot_type
 from offboard.commands.park import show
@@ -17,7 +17,7 @@ from offboard.terminal.needs import needs
 from offboard.terminal.output import err
 
 if TYPE_CHECKING:
-    from koopman_lab.figures.path import Curve
+    from koopman_lab.figures.path_figure import Curve
 
 
 NOMINAL = "nominal"
@@ -75,7 +75,7 @@ def compare(
     kind = loaded.robot.name if config is None else None
     lab = options.resolve(config, overrides, kind, preset, seed, url, robot_name=robot_name)
     require_robot(loaded, lab.robot.kind)
-    names = controller or (*COSTS.own_names(), NOMINAL)
+    names = controller or (*COSTS.builtin_names(), NOMINAL)
     labs = {name: changed(lab, "controller", **_controller_changes(name)) for name in names}
     start_pose = options.start_or_default(start, robot_type(lab.robot.kind).runs.park_start)
     sessions = {
@@ -100,7 +100,7 @@ def compare(
 def _curve(name: str, folder: RunFolder) -> Curve:
     import numpy as np
 
-    from koopman_lab.figures.path import Curve
+    from koopman_lab.figures.path_figure import Curve
     from offboard.lab.parking_run import TRAJECTORY
 
     rows = np.genfromtxt(folder.path / TRAJECTORY, delimiter=",", names=True)
@@ -111,7 +111,7 @@ def _curve(name: str, folder: RunFolder) -> Curve:
 def _write_comparison(
     comparison: RunFolder, lab: LabConfig, ends: dict[str, ParkSummary], curves: list[Curve]
 ) -> None:
-    from koopman_lab.figures.path import draw_paths
+    from koopman_lab.figures.path_figure import draw_paths
 
     draw_paths(comparison.path / "paths", curves, deviation=True)
     controllers = {

@@ -259,14 +259,14 @@ def _plug_ins(lab: LabConfig) -> Iterator[Finding]:
     from koopman_lab.bus.channels import channel_faults
     from koopman_lab.bus.hardware import CAMERAS, DRIVERS
     from koopman_lab.bus.processes import PROCESSES
-    from koopman_lab.config.costs import COSTS
+    from koopman_lab.config.cost_table import COSTS
     from koopman_lab.predictors.table import PREDICTORS
     from koopman_lab.robots.table import ROBOTS
 
     tables: tuple[Registry[Any], ...] = (ROBOTS, COSTS, PREDICTORS, PROCESSES, DRIVERS, CAMERAS)
     for table in tables:
         faults = table.faults()
-        for name in sorted({*table.others(), *faults}):
+        for name in sorted({*table.plugin_names(), *faults}):
             fault = faults.get(name) or _part_fault(table, name)
             yield Finding("plug-in", fault or _described(table, name), not fault, bad="BROKEN")
     for fault in channel_faults().values():

@@ -44,7 +44,7 @@ def plot(
     Example: klab log plot runs/park
     """
     from koopman_lab.data.decode import SessionLog
-    from koopman_lab.figures.session import draw_session, session_plot
+    from koopman_lab.figures.session_figure import draw_session, session_plot
 
     read = SessionLog(log, robot_name=robot_name, salvage=salvage)
     stem = file if file is not None else read.path.with_name(f"{read.path.stem}-plot")

@@ -35,8 +35,8 @@ def replay(
     """
     from koopman_lab.bus.channels import robots_of
     from koopman_lab.bus.multicast import open_lcm
-    from koopman_lab.replay.replay import replay as send
-    from koopman_lab.replay.replay import rhythm
+    from koopman_lab.replay.timed_replay import replay as send
+    from koopman_lab.replay.timed_replay import rhythm
     from koopman_lab.units import US_PER_S
     from offboard.lab.session_runner import INTERRUPTED
 

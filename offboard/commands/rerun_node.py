@@ -71,9 +71,9 @@ def rerun(
     """
     from koopman_lab.bus.processes import PROCESSES
     from koopman_lab.data.decode import SessionLog
+    from koopman_lab.replay.node_rerun import rerun as run_again
     from koopman_lab.replay.output_comparison import compare
     from koopman_lab.replay.recorded_process import recorded_process
-    from koopman_lab.replay.rerun import rerun as run_again
     from koopman_lab.replay.rotated_log import read_rotated_log
 
     session = SessionLog(log, robot_name=robot_name, salvage=salvage)

@@ -111,7 +111,7 @@ def _write_results(
 ) -> None:
     from rich.table import Table
 
-    from koopman_lab.figures.path import Curve, draw_paths
+    from koopman_lab.figures.path_figure import Curve, draw_paths
     from koopman_lab.files import write_csv
     from koopman_lab.robots.table import robot_type
     from koopman_lab.studies import closed_loop

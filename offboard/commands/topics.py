@@ -130,7 +130,7 @@ def _table(flows: list[Flow]) -> Table:
 
 def _echo(listener: Listener, lab: LabConfig, name: str, *, once: bool, seconds: float) -> None:
     from koopman_lab.bus.channels import split_name
-    from koopman_lab.bus.message_values import plain
+    from koopman_lab.bus.message_values import plain_values
     from koopman_lab.errors import LabStateError
 
     channel = split_name(name)[1]
@@ -146,7 +146,7 @@ def _echo(listener: Listener, lab: LabConfig, name: str, *, once: bool, seconds:
         except (ValueError, struct.error):
             err.print(f"{name}: {len(data)} bytes that are no {channel.type.__name__}")
             return
-        typer.echo(json.dumps(plain(message)))
+        typer.echo(json.dumps(plain_values(message)))
         printed += 1
 
     listener.overhear(show)

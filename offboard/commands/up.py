@@ -47,7 +47,7 @@ def up(
     added_nodes: Annotated[
         list[str] | None,
         name_option(
-            *("--with", "added node", PROCESSES.others),
+            *("--with", "added node", PROCESSES.plugin_names),
             "One that another package adds, as one of the lab; several may be named.",
         ),
     ] = None,

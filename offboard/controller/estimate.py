@@ -148,5 +148,5 @@ class StateEstimator:
     def _velocity_at(self, at_us: int, wheels: WheelSpeeds, drive: BodyDrive) -> Speeds:
         velocity: Speeds = wheels.velocity
         for duration_s, u in self._inputs.between(wheels.utime, at_us, self._dt_s):
-            velocity = drive.after(velocity, (float(u[0]), float(u[1])), duration_s)
+            velocity = drive.velocity_after(velocity, (float(u[0]), float(u[1])), duration_s)
         return velocity

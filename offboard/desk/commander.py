@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 
 import lcmtypes
-from koopman_lab.bus import channels
+from koopman_lab.bus import channel, channels
 from koopman_lab.bus.commanders import commander_name, commander_number
 from koopman_lab.bus.node import Port
 from koopman_lab.config.load import dump_config
@@ -82,7 +82,7 @@ class Freshness:
         self._logger = message
 
 
-def _if_young(message: channels.M | None, now_us: int, timeout_s: float) -> channels.M | None:
+def _if_young(message: channel.M | None, now_us: int, timeout_s: float) -> channel.M | None:
     # A board that does not know the time yet may stamp the future.
     if message is None or abs(now_us - message.utime) > timeout_s * US_PER_S:
         return None
@@ -160,7 +160,7 @@ class SessionInfo:
         self._message.activity = activity
         self._message.config_yaml = dump_config(config)
         self._message.version = version("koopman-lab")
-        port.every(channels.INFO_RATE_HZ, self._send)
+        port.every(channel.INFO_RATE_HZ, self._send)
 
     def _send(self, tick_us: int) -> None:
         self._message.utime = tick_us

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import Any, Generic, Protocol
 
 import lcmtypes
-from koopman_lab.bus.channels import ESTOP, GOAL, Channel, M
+from koopman_lab.bus.channel import Channel, M
+from koopman_lab.bus.channels import ESTOP, GOAL
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose
 from offboard.desk.goal_message import goal_message, require_reachable

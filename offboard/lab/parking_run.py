@@ -183,7 +183,7 @@ def park(
 
 def _write_trajectory(folder: RunFolder, robot: RobotType, outcome: ParkOutcome) -> None:
     """Write the driving steps as a table, and draw the path if there is one."""
-    from koopman_lab.figures.path import Curve, draw_paths
+    from koopman_lab.figures.path_figure import Curve, draw_paths
     from koopman_lab.studies.closed_loop import columns
 
     write_csv(folder.path / TRAJECTORY, columns(robot), outcome.trajectory)

@@ -9,7 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from koopman_lab.bus.channels import MPC_STATE, REFERENCE_STATE, Channel
+from koopman_lab.bus.channel import Channel
+from koopman_lab.bus.channels import MPC_STATE, REFERENCE_STATE
 from koopman_lab.bus.node import Node
 from koopman_lab.bus.processes import build
 from koopman_lab.config.schema import LabConfig

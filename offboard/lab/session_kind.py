@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
-from koopman_lab.bus.channels import Channel
+from koopman_lab.bus.channel import Channel
 from koopman_lab.bus.node import Node
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose

@@ -7,7 +7,8 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 import lcmtypes
-from koopman_lab.bus.channels import COMMANDER, TIME_PONG, TIME_SYNC, Channel
+from koopman_lab.bus.channel import COMMANDER, Channel
+from koopman_lab.bus.channels import TIME_PONG, TIME_SYNC
 from koopman_lab.bus.processes import commanders, died
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S

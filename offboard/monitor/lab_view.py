@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from koopman_lab.bus.channels import OPERATOR, Channel
+from koopman_lab.bus.channel import OPERATOR, Channel
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 from offboard.monitor.robot_view import RobotView

@@ -6,7 +6,7 @@ import contextlib
 import struct
 from typing import Generic
 
-from koopman_lab.bus.channels import Channel, M
+from koopman_lab.bus.channel import Channel, M
 from koopman_lab.units import US_PER_S
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from koopman_lab.bus.channels import ABOARD, OPERATOR, Channel
+from koopman_lab.bus.channel import ABOARD, OPERATOR, Channel
 from koopman_lab.bus.replay_guard import from_log
 from koopman_lab.units import US_PER_S
 

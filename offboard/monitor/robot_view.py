@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.channels import Channel
+from koopman_lab.bus.channel import Channel
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ConfigError

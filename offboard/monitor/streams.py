@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.bus.channels import Channel, split_name
+from koopman_lab.bus.channel import Channel
+from koopman_lab.bus.channels import split_name
 from koopman_lab.bus.header import header_reader
 from koopman_lab.bus.sequence import SequenceCounter
 from koopman_lab.config.schema import LabConfig

@@ -52,7 +52,7 @@ def input_sequence(config: LabConfig, shape: Shape) -> list[tuple[float, float]]
     profile = _infinity(config) if shape is Shape.INFINITY else _square(config)
     drive = robot_type(config.robot.kind).on_two_wheels("the reference driver")
     dt_s = config.controller.dt_s
-    return [drive.along(begin, end, dt_s) for begin, end in pairwise([REST, *profile])]
+    return [drive.input_along(begin, end, dt_s) for begin, end in pairwise([REST, *profile])]
 
 
 def _infinity(config: LabConfig) -> list[Velocity]:

@@ -78,7 +78,7 @@ class Planner:
         steps = math.ceil(shortest_s / self._dt_s)
         if steps == 0:
             return Launch(0, (0.0, 0.0))
-        return Launch(steps, self._drive.towards(REST, velocity, steps * self._dt_s))
+        return Launch(steps, self._drive.input_towards(REST, velocity, steps * self._dt_s))
 
     def worth_driving(self, start: Pose, launch: Launch, basis_input: tuple[float, float]) -> bool:
         """Return whether the nominal robot stays in Z for the smallest number of basis steps."""
@@ -88,14 +88,14 @@ class Planner:
             inside = inside and contains(self._sampler.admissible_set, pose, velocity)
         return inside
 
-    def after(self, velocity: Velocity, u: tuple[float, float]) -> Velocity:
+    def velocity_after(self, velocity: Velocity, u: tuple[float, float]) -> Velocity:
         """Return the nominal velocity after one step with input ``u``."""
-        return Velocity(*self._drive.after(velocity, u, self._dt_s))
+        return Velocity(*self._drive.velocity_after(velocity, u, self._dt_s))
 
     def _step(
         self, pose: Pose, velocity: Velocity, u: tuple[float, float]
     ) -> tuple[Pose, Velocity]:
-        after = self.after(velocity, u)
+        after = self.velocity_after(velocity, u)
         # The mean velocity of the step is exact in the angle and good to microns in position.
         v, omega = self._drive.mean(velocity, after)
         return move_along_arc(pose, v * self._dt_s, omega * self._dt_s), after

@@ -88,7 +88,7 @@ class Sampler:
                 break
         else:
             u = self._towards(REST)
-        self._velocity = self._planner.after(self._velocity, u)
+        self._velocity = self._planner.velocity_after(self._velocity, u)
         self._steps += 1
         return Action(self.phase, self.runs, self.basis_index, u)
 
@@ -196,7 +196,7 @@ class Sampler:
 
     def _basis(self, pose: Pose, now_us: int) -> tuple[float, float] | None:
         u = self._inputs[self.basis_index]
-        stays = self._inside(pose, self._planner.after(self._velocity, u))
+        stays = self._inside(pose, self._planner.velocity_after(self._velocity, u))
         if stays and self._steps < self._settings.largest_steps:
             return u
         if self._steps >= self._settings.smallest_steps:
@@ -257,7 +257,7 @@ class Sampler:
         s, now = self._settings, self._velocity
         v = slew(now.v, target.v, s.acceleration_m_per_s2 * self._dt_s)
         omega = slew(now.omega, target.omega, s.turn_acceleration_rad_per_s2 * self._dt_s)
-        return self._body.towards(now, (v, omega), self._dt_s)
+        return self._body.input_towards(now, (v, omega), self._dt_s)
 
     def _distance(self, pose: Pose) -> float:
         return math.hypot(self._draw.pose.x1 - pose.x1, self._draw.pose.x2 - pose.x2)

@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperCommand
 
 from koopman_lab.errors import ConfigError
-from koopman_lab.registry import Registry, unknown
+from koopman_lab.registry import Registry, unknown_name
 
 F = TypeVar("F", bound=Callable[..., Any])
 Names = Callable[[], Sequence[str]]
@@ -60,7 +60,7 @@ def name_option(flag: str, noun: str, names: Names, text: str) -> Any:
 
     def parse(name: str) -> str:
         if name not in names():
-            raise ConfigError(unknown(noun, name, names()))
+            raise ConfigError(unknown_name(noun, name, names()))
         return name
 
     return _option(flag, noun, names, parse, text)

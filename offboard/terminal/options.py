@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from koopman_lab.config import presets
-from koopman_lab.config.costs import COSTS
+from koopman_lab.config.cost_table import COSTS
 from koopman_lab.config.load import load_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import DataError

@@ -1,1 +1,1 @@
-"""Acceleration and velocity control of the wheels."""
+"""The onboard program: from velocity and acceleration commands to the motors' duties."""

@@ -18,7 +18,7 @@ Refusal = Literal["value", "stale", "order", "commander", "type", "stopped"]
 
 
 class Intent(IntEnum):
-    """Of a command; the numbers are those of the command messages."""
+    """What a command intends; the numbers are those of the command messages."""
 
     CONTINUE = 0
     BEGIN = 1
@@ -26,7 +26,7 @@ class Intent(IntEnum):
 
 
 class Command(NamedTuple):
-    """A velocity (m/s, rad/s) or an acceleration (m/s^2, rad/s^2), as the robot's kind has it."""
+    """A command as it was received: ``u1`` and ``u2`` in the units of the robot's inputs."""
 
     utime: int
     sequence: int

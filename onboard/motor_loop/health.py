@@ -91,8 +91,8 @@ class Health:
         findings = (
             (Fault.ENCODERS_SILENT, silent, 0.0),
             (Fault.BATTERY_LOW, low, self._battery_us),
-            (Fault.LEFT_WHEEL_STUCK, self._strained(LEFT, left_idle, duties, passed_us), 0.0),
-            (Fault.RIGHT_WHEEL_STUCK, self._strained(RIGHT, right_idle, duties, passed_us), 0.0),
+            (Fault.LEFT_WHEEL_STUCK, self._is_strained(LEFT, left_idle, duties, passed_us), 0.0),
+            (Fault.RIGHT_WHEEL_STUCK, self._is_strained(RIGHT, right_idle, duties, passed_us), 0.0),
         )
         for fault, bad, patience_us in findings:
             since_us = self._good_since_us[fault]
@@ -103,7 +103,7 @@ class Health:
                 return fault
         return NO_FAULT
 
-    def _strained(self, wheel: int, idle: bool, duties: Sequence[float], passed_us: int) -> bool:
+    def _is_strained(self, wheel: int, idle: bool, duties: Sequence[float], passed_us: int) -> bool:
         """Add up a wheel's duty over the time in which it should turn and does not."""
         effort_us = self._efforts_us[wheel] + abs(duties[wheel]) * passed_us if idle else 0.0
         self._efforts_us[wheel] = effort_us

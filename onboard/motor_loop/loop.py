@@ -20,7 +20,7 @@ STANDING: Speeds = (0.0, 0.0)
 
 
 class State(IntEnum):
-    """Of the loop; the numbers are those of ``onboard_status_t``."""
+    """States of the loop; the numbers are those of ``onboard_status_t``."""
 
     REST = 0
     DRIVING = 1
@@ -76,8 +76,8 @@ class MotorLoop:
         """Take a command; return why it was refused, or None."""
         if self.state in STOPPED:
             return self.arbiter.refuse("stopped")
-        stands = self.setpoint == REST
-        refusal = self.arbiter.consider(command, now_us, ready=stands)
+        is_at_rest = self.setpoint == REST
+        refusal = self.arbiter.consider(command, now_us, ready=is_at_rest)
         if refusal is not None:
             return refusal
         if self.state is not DRIVING:
@@ -95,9 +95,9 @@ class MotorLoop:
     def estop(self, engaged: bool) -> None:
         """Engage the emergency stop; or release it, and with it a fault."""
         if engaged:
-            self._stand(State.ESTOP)
+            self._stop_at_once(State.ESTOP)
         elif self.state in STOPPED:
-            self._stand(State.REST)
+            self._stop_at_once(State.REST)
             self.fault = NO_FAULT
             self._health.reset()
 
@@ -117,16 +117,18 @@ class MotorLoop:
         measured = self.odometry.newest() or STANDING
         before_us, self._ticked_us = self._ticked_us, now_us
         if before_us is not None and now_us - before_us > self._longest_pause_us:
-            self._wake(measured if age_us is not None and age_us <= OLDEST_US else STANDING)
+            self._resume_after_pause(
+                measured if age_us is not None and age_us <= OLDEST_US else STANDING
+            )
         self.fault = self._health.check(now_us, self.battery_v, age_us, self._duties, measured)
         if self.fault:
-            self._stand(State.FAULT)
+            self._stop_at_once(State.FAULT)
             return NO_DUTY
         self._move_setpoint(now_us)
         self._duties = self._control(measured)
         return self._duties
 
-    def _wake(self, measured: Speeds) -> None:
+    def _resume_after_pause(self, measured: Speeds) -> None:
         """Go on after a pause of the loop itself, in which the motors' drivers have let go."""
         left, right = measured
         self._duties = NO_DUTY
@@ -134,8 +136,10 @@ class MotorLoop:
         for wheel in self._wheels:
             wheel.reset()
         if self.setpoint != REST or self.state is DRIVING:
-            found = Velocity(*body_velocity(left, right, self._wheel_radius_m, self._track_width_m))
-            self.setpoint = saturate(found, self._limits)
+            velocity = Velocity(
+                *body_velocity(left, right, self._wheel_radius_m, self._track_width_m)
+            )
+            self.setpoint = saturate(velocity, self._limits)
             self.arbiter.revoke()
             self._releasing = False
             self.state = WATCHDOG
@@ -148,7 +152,7 @@ class MotorLoop:
         if self._releasing or self.state is WATCHDOG:
             self.setpoint = approach(self.setpoint, REST, self._limits, self._tick_s)
             if self._releasing and self.setpoint == REST:
-                self._stand(State.REST)
+                self._stop_at_once(State.REST)
         elif driving:
             self.setpoint = self._commanded.step(self.setpoint)
 
@@ -166,7 +170,7 @@ class MotorLoop:
             right_wheel.step(right, measured[RIGHT], self._tick_s),
         )
 
-    def _stand(self, state: State) -> None:
+    def _stop_at_once(self, state: State) -> None:
         self.state = state
         self.setpoint = REST
         self.arbiter.revoke()

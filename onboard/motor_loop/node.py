@@ -1,4 +1,4 @@
-"""Ties the motor loop to the bus."""
+"""The onboard program's node: ties the motor loop to the bus."""
 
 from __future__ import annotations
 

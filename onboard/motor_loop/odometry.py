@@ -9,7 +9,7 @@ from typing import NamedTuple
 from koopman_lab.units import US_PER_S, wrap_counter
 
 Speeds = tuple[float, float]
-"""Of both wheels (rad/s), (left, right)."""
+"""Speeds of both wheels (rad/s), (left, right)."""
 
 
 class WheelSpeeds(NamedTuple):
@@ -29,7 +29,7 @@ class Odometry:
     counts_per_rev
         Counts for one turn of the wheel.
     window_s
-        Length of history to keep.
+        Length of the history to keep (s).
     """
 
     def __init__(self, counts_per_rev: int, window_s: float) -> None:

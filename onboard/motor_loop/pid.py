@@ -1,4 +1,4 @@
-"""Speed control of one wheel."""
+"""The speed controller of one wheel: PID with feed-forward."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ class WheelController:
         filtered = measured if self._filtered is None else self._filtered
         change = dt_s / (self._filter_s + dt_s) * (measured - filtered)
         self._filtered = filtered + change
-        before = setpoint if self._setpoint is None else self._setpoint
+        previous = setpoint if self._setpoint is None else self._setpoint
         self._setpoint = setpoint
-        rate = (setpoint - before) / dt_s
-        # What was measured is the mean of the past tick, in which the wheel followed ``before``;
+        rate = (setpoint - previous) / dt_s
+        # What was measured is the mean of the past tick, in which the wheel followed ``previous``;
         # held against the new set-point, every ramp would wind up the integral.
-        error = before - measured
+        error = previous - measured
         friction = math.copysign(self._friction_duty, setpoint) if setpoint else 0.0
         unlimited = (
             (setpoint + self._lag_s * rate) / self._full_speed

@@ -48,11 +48,11 @@ class Setpoint:
     drive
         What inputs do to the body velocity.
     limits
-        Of velocities and accelerations.
+        Limits of velocities and accelerations.
     interval_s
-        From one command to the next (s).
+        Time from one command to the next (s).
     tick_s
-        Of the motor loop (s).
+        Time from one tick of the motor loop to the next (s).
     """
 
     def __init__(
@@ -72,8 +72,8 @@ class Setpoint:
         self._left = 0
 
     def command(self, u: tuple[float, float]) -> None:
-        """Begin a control interval with an input, as the robot's kind has it."""
-        aim = Velocity(*self._drive.after(self.aim, u, self._interval_s))
+        """Begin a control interval with an input, in the units of the robot's inputs."""
+        aim = Velocity(*self._drive.velocity_after(self.aim, u, self._interval_s))
         self.aim = saturate(aim, self._limits)
         self._left = self._ticks
 

@@ -13,9 +13,9 @@ class Battery:
     Parameters
     ----------
     battery
-        Its data.
+        The battery's section of the configuration.
     motor_resistance_ohm
-        Of one motor; both hang on the battery through their drivers.
+        Resistance of one motor; both hang on the battery through their drivers.
     """
 
     def __init__(self, battery: simulation.Battery, motor_resistance_ohm: float) -> None:
@@ -44,7 +44,7 @@ class Battery:
         base_v = scale * (open_circuit_v - self._board_drop_v)
         return base_v, scale * ratio * left_share, scale * ratio * right_share
 
-    def take(self, motor_charge_as: float, seconds: float) -> None:
+    def draw(self, motor_charge_as: float, seconds: float) -> None:
         """Take charge (A s) for the motors, and what the board needs in ``seconds``."""
         used = motor_charge_as + self._board_current_a * seconds
         left = self.state_of_charge - used / self._capacity_as

@@ -214,7 +214,7 @@ class Drivetrain:
             left * (left * voltage - self._back_emf * self.left_rad_per_s)
             + right * (right * voltage - self._back_emf * self.right_rad_per_s)
         ) / self._resistance_ohm
-        self._battery.take(current * seconds, seconds)
+        self._battery.draw(current * seconds, seconds)
 
 
 def _sign(value: float) -> float:

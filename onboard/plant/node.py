@@ -5,7 +5,7 @@ from __future__ import annotations
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from onboard.plant.cameras.node import SimulatedCameras
-from onboard.plant.robot import SimulatedRobot
+from onboard.plant.simulated_robot import SimulatedRobot
 
 
 class PlantNode:
@@ -16,7 +16,7 @@ class PlantNode:
     config
         The lab; something must be simulated.
     cameras
-        Whether there are cameras; without, somebody else speaks MOCAP_POSE.
+        Whether there are cameras; without them, somebody else speaks MOCAP_POSE.
     """
 
     name = "plant"

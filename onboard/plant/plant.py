@@ -177,9 +177,9 @@ class Plant:
         )
         theta += half_s * (omega + omega + d_omega)
         # As complex numbers, since one call then does for cos and sin.
-        way = rect(v_early, early) + rect(v_late, late)
+        velocities = rect(v_early, early) + rect(v_late, late)
         self.coordinates = (
-            x1 + half_s * way.real,
-            x2 + half_s * way.imag,
+            x1 + half_s * velocities.real,
+            x2 + half_s * velocities.imag,
             theta if abs(theta) < pi else wrap_angle(theta),
         )

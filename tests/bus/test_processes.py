@@ -5,7 +5,8 @@ import typer
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.channels import CHANNELS, HEARTBEATS, Channel, all_channels, split_name
+from koopman_lab.bus.channel import Channel
+from koopman_lab.bus.channels import CHANNELS, HEARTBEATS, all_channels, split_name
 from koopman_lab.bus.commanders import commander_name, commander_number
 from koopman_lab.bus.processes import (
     PROCESSES,
@@ -25,7 +26,7 @@ from offboard.cli import run
 from offboard.monitor.lab_view import LabView
 from offboard.monitor.process_states import ProcessStates
 
-OWN = [PROCESSES.own(name) for name in PROCESSES.own_names()]
+OWN = [PROCESSES.builtin_row(name) for name in PROCESSES.builtin_names()]
 STATE = Channel("LIDAR_STATE", lcmtypes.logger_status_t, 5.0, "lidar")
 
 
@@ -54,12 +55,12 @@ def add():
 
     yield register
     for name in names:
-        PROCESSES.forget(name)
+        PROCESSES.unregister(name)
 
 
 @pytest.mark.parametrize("row", OWN, ids=lambda row: row.name)
 def test_every_row_says_what_is_there(row):
-    assert set(row.needs) <= set(PROCESSES.own_names())
+    assert set(row.needs) <= set(PROCESSES.builtin_names())
     assert row.name not in row.needs
     for target in filter(None, (row.factory, row.rebuild)):
         assert callable(PROCESSES.load(row.name, target))
@@ -70,7 +71,7 @@ def test_every_row_says_what_is_there(row):
 
 def test_each_process_has_its_command_and_no_command_is_without_process():
     group = typer.main.get_command(run.app)
-    assert set(group.list_commands(None)) == set(PROCESSES.own_names())
+    assert set(group.list_commands(None)) == set(PROCESSES.builtin_names())
     for row in OWN:
         assert group.get_command(None, row.name).hidden == row.hidden
 
@@ -135,7 +136,7 @@ def test_a_row_that_cannot_be_used_is_shown_all_the_same(monkeypatch):
     monkeypatch.setattr(PROCESSES, "get", broken)
     assert process("lidar") == Process("lidar", "")
     assert process("onboard").needs == ("plant",)
-    monkeypatch.setattr(PROCESSES, "others", lambda: ("lidar",))
+    monkeypatch.setattr(PROCESSES, "plugin_names", lambda: ("lidar",))
     processes = ProcessStates()
     beat = lcmtypes.node_status_t()
     processes.take_heartbeat("lidar", beat.encode(), 0)

@@ -39,7 +39,7 @@ def test_beside_a_live_sender_a_log_is_passed_over_whoever_came_first(ahead_us, 
     guard, live_heard = StreamGuard(), False
     for k, live in enumerate(story):
         now_us = NOW_US + k * TICK_US // 10
-        taken = guard.takes(now_us + (ahead_us if live else -age_us), now_us)
+        taken = guard.accepts(now_us + (ahead_us if live else -age_us), now_us)
         assert taken == (live or not live_heard)
         live_heard = live_heard or live
 
@@ -47,18 +47,18 @@ def test_beside_a_live_sender_a_log_is_passed_over_whoever_came_first(ahead_us, 
 @given(clocks, clocks)
 def test_a_sender_whose_clock_was_set_is_followed_at_once_or_after_a_silence(before_us, after_us):
     guard = StreamGuard()
-    assert guard.takes(NOW_US + before_us, NOW_US)
+    assert guard.accepts(NOW_US + before_us, NOW_US)
     taken = []
     for k in range(1, 8):
         now_us = NOW_US + k * TICK_US
-        taken.append(guard.takes(now_us + after_us, now_us))
+        taken.append(guard.accepts(now_us + after_us, now_us))
     closer = abs(after_us) < abs(before_us) or abs(after_us - before_us) <= SAME_SENDER_US
     assert taken == [closer or k * TICK_US >= SILENCE_US for k in range(1, 8)]
 
 
 @given(st.integers(-(10**16), 10**16))
 def test_an_order_is_of_now_or_a_logs(age_us):
-    assert OrderGuard().takes(NOW_US - age_us, NOW_US) == (abs(age_us) <= LOG_US)
+    assert OrderGuard().accepts(NOW_US - age_us, NOW_US) == (abs(age_us) <= LOG_US)
 
 
 @pytest.mark.parametrize("channel", CHANNELS, ids=lambda channel: channel.suffix)

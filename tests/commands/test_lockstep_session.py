@@ -11,7 +11,7 @@ from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.marker import without_offset
 from koopman_lab.geometry.planar import ORIGIN
 from koopman_lab.koopman.bilinear_model import BilinearModel
-from koopman_lab.koopman.train import train
+from koopman_lab.koopman.trainer import train
 
 CHANNELS = {"MOCAP_POSE": 240.0, "ENCODER": 100.0, "WHEEL_STATE": 20.0, "VELOCITY_CMD": 20.0}
 

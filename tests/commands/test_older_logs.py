@@ -9,7 +9,8 @@ from synthetic_session import Session
 import lcmtypes
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.decode import SessionLog
-from koopman_lab.koopman.train import Method, train
+from koopman_lab.koopman.trainer import train
+from koopman_lab.koopman.training_report import Method
 from koopman_lab.replay.rotated_log import read_rotated_log
 
 CALIBRATION, PARK = REFERENCE / "calibration.lcm", REFERENCE / "park.lcm"

@@ -15,7 +15,7 @@ from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.eventlog.eventlog import read_events
-from koopman_lab.eventlog.logwriter import EventLogWriter, parts
+from koopman_lab.eventlog.logwriter import EventLogWriter, files_of_log
 
 LIMIT_S = 60.0
 WAIT_S = 0.05
@@ -121,6 +121,6 @@ def test_a_process_killed_in_the_middle_costs_nothing_recorded(bus_url, tmp_path
     # In real time once; on virtual time the same happens sooner.
     klab_ok("calibrate", "--resume", folder, *([] if victim == "logger" else ["--lockstep"]))
     assert json.loads((folder / "summary.json").read_text())["complete"]
-    assert len(parts(folder / "session.lcm")) == 2
+    assert len(files_of_log(folder / "session.lcm")) == 2
     after = SessionLog(folder).array(SAMPLER_STATE)["utime"]
     np.testing.assert_array_equal(after[: len(before)], before)

@@ -6,7 +6,7 @@ import pytest
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import Pose, Velocity, compose, relative_to
-from koopman_lab.mpc.costs import stage_cost
+from koopman_lab.mpc.configured_cost import stage_cost
 from koopman_lab.mpc.receding_horizon import RecedingHorizon
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, make_solver

@@ -8,7 +8,7 @@ import pytest
 from mcap.reader import make_reader
 
 from koopman_lab.bus.channels import MPC_STATE
-from koopman_lab.bus.message_values import plain
+from koopman_lab.bus.message_values import plain_values
 from koopman_lab.data.export import export_csv, export_mcap
 from koopman_lab.errors import LogError
 from koopman_lab.eventlog.eventlog import Event
@@ -51,7 +51,7 @@ def test_mcap_is_read_back_by_its_own_reader_message_by_message(events, tmp_path
     ]
     theirs = [event for event in events if event.channel == "R1_MPC_STATE"]
     for (schema, message), event in zip(mpc, theirs, strict=True):
-        values = plain(MPC_STATE.type.decode(event.data))
+        values = plain_values(MPC_STATE.type.decode(event.data))
         assert json.loads(message.data) == json.loads(json.dumps(values))
         assert message.log_time == event.timestamp_us * 1000
         assert message.publish_time == values["utime"] * 1000

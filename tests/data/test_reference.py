@@ -10,10 +10,10 @@ from koopman_lab.bus.channels import MOCAP_POSE, REFERENCE_STATE, SESSION_INFO
 from koopman_lab.bus.message_values import padded
 from koopman_lab.config.load import dump_config, load_config
 from koopman_lab.data.decode import SessionLog
-from koopman_lab.data.reference import reference_runs
+from koopman_lab.data.reference_runs import reference_runs
 from koopman_lab.errors import DataError
-from koopman_lab.evaluation.metrics import by_nominal, per_step, rolling
-from koopman_lab.evaluation.rolling import starts_along
+from koopman_lab.evaluation.metrics import by_nominal, per_step, rolling_deviations
+from koopman_lab.evaluation.trajectory_starts import starts_along
 from koopman_lab.eventlog.logwriter import EventLogWriter
 from koopman_lab.geometry.planar import ORIGIN, Pose, compose, wrap_angle
 from koopman_lab.robots.nominal_model import nominal_model
@@ -107,7 +107,7 @@ def test_states_and_inputs_are_those_driven(tmp_path, robot):
         assert t.utime_us[0] <= t.start_us
         assert t.utime_us[-1] >= t.end_us
     starts = starts_along(runs.trajectories(ORIGIN), 20, 0.05, 240.0)
-    last = per_step(rolling(by_nominal(runs.robot, 0.05), starts, runs.robot))[-1]
+    last = per_step(rolling_deviations(by_nominal(runs.robot, 0.05), starts, runs.robot))[-1]
     # Smoothing moves a kink of a velocity by an eighth of the window, per unit of the kink.
     kink = np.abs(np.diff([(0.0, 0.0), *driven.inputs, (0.0, 0.0)], axis=0)).max(axis=0)
     v, omega = kink * 40 / 240 / 8 if robot == "dynamic" else (0.0, 0.0)

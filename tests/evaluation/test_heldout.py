@@ -7,7 +7,7 @@ import pytest
 from ideal_data import ideal_dataset
 
 from koopman_lab.evaluation.heldout import errors, held_out_runs, split
-from koopman_lab.koopman.train import train
+from koopman_lab.koopman.trainer import train
 
 
 @pytest.fixture(scope="module")

@@ -5,19 +5,19 @@ import pytest
 from ideal_data import ideal_dataset
 from nominal_runs import DT_S, RATE_HZ, run
 
-from koopman_lab.data.reference import mean_inputs
+from koopman_lab.data.reference_runs import mean_inputs
 from koopman_lab.evaluation.metrics import (
     Starts,
-    along,
     by_model,
     by_nominal,
     deviations,
+    errors_over_time,
     per_step,
-    rolling,
+    rolling_deviations,
     summary,
 )
-from koopman_lab.evaluation.rolling import starts_along
-from koopman_lab.koopman.train import train
+from koopman_lab.evaluation.trajectory_starts import starts_along
+from koopman_lab.koopman.trainer import train
 from koopman_lab.robots.nominal_model import DYNAMIC, KINEMATIC, nominal_model
 
 
@@ -30,7 +30,7 @@ def test_the_nominal_model_has_no_error_on_its_own_trajectories(kind):
     assert len(starts.x0) == 39
     assert starts.inputs[7] == pytest.approx(at_commands.inputs[7:17], abs=1e-12)
     for errors in per_step(
-        rolling(by_nominal(nominal_model(kind), DT_S), starts, nominal_model(kind))
+        rolling_deviations(by_nominal(nominal_model(kind), DT_S), starts, nominal_model(kind))
     ):
         assert errors.starts == 40 - errors.steps
         assert errors.position_max_m < 1e-12
@@ -40,7 +40,7 @@ def test_the_nominal_model_has_no_error_on_its_own_trajectories(kind):
 def test_from_every_frame_velocities_are_met_exactly_and_poses_nearly():
     starts = starts_along([run(offset_us=1234)], 20, DT_S, RATE_HZ)
     assert len(starts.x0) == 12 * 39
-    errors = summary(rolling(by_nominal(DYNAMIC, DT_S), starts, DYNAMIC)[:, 19], 20)
+    errors = summary(rolling_deviations(by_nominal(DYNAMIC, DT_S), starts, DYNAMIC)[:, 19], 20)
     assert errors.v_max_m_per_s < 1e-12
     assert errors.omega_max_rad_per_s < 1e-12
     # The angle is off by at most u dt^2 / 8 at either end of the way, whatever is in between.
@@ -64,12 +64,12 @@ def test_a_bias_of_the_speed_grows_with_the_steps_as_it_must():
     def turning(x0, inputs):
         return biased(x0 + np.array([0, 0, 0, 0, omega]), inputs)
 
-    for errors in per_step(rolling(predict, straight, DYNAMIC)):
+    for errors in per_step(rolling_deviations(predict, straight, DYNAMIC)):
         for found in (errors.position_mean_m, errors.position_p95_m, errors.position_max_m):
             assert found == pytest.approx(v * DT_S * errors.steps)
         assert errors.v_max_m_per_s == pytest.approx(v)
         assert errors.angle_max_rad == 0.0
-    for errors in per_step(rolling(turning, straight, DYNAMIC)):
+    for errors in per_step(rolling_deviations(turning, straight, DYNAMIC)):
         assert errors.angle_p50_rad == pytest.approx(abs(omega) * DT_S * errors.steps)
         assert errors.omega_mean_rad_per_s == pytest.approx(abs(omega))
         assert errors.position_max_m == 0.0
@@ -93,7 +93,7 @@ def test_states_that_nobody_measured_count_nowhere():
     kept[100:142] = False
     broken = whole._replace(utime_us=whole.utime_us[kept], x=whole.x[kept])
     starts = starts_along([broken], 3, DT_S, RATE_HZ)
-    found = rolling(by_nominal(DYNAMIC, DT_S), starts, DYNAMIC)
+    found = rolling_deviations(by_nominal(DYNAMIC, DT_S), starts, DYNAMIC)
     assert np.isfinite(found[:, 0]).all()
     # Neither a start nor, 12 frames later, its first successor lies in the hole.
     assert len(starts.x0) == 12 * 19 - 42 - 12
@@ -119,7 +119,7 @@ def test_along_the_trajectory_runs_are_averaged_at_equal_times():
     starts = starts_along([run(number=0), run(number=1, seed=1)], 2, DT_S, RATE_HZ)
     found = np.where(starts.run == 0, 1.0, 3.0)[:, None, None] * np.ones((1, 2, 4))
     found[0, 1] = np.nan
-    times, mean, largest = along(found, starts, 1.0 / RATE_HZ)
+    times, mean, largest = errors_over_time(found, starts, 1.0 / RATE_HZ)
     assert times == pytest.approx(np.arange(12 * 39) / RATE_HZ)
     assert (mean[1:] == 2.0).all()
     assert (largest == 3.0).all()
@@ -136,5 +136,5 @@ def test_a_surrogate_is_measured_with_and_without_reprojection():
         x.append(nominal.step(x[-1], fixed.inputs[0], 1.0 / RATE_HZ))
     starts = starts_along([fixed._replace(x=np.array(x))], 10, DT_S, RATE_HZ)
     for reproject in (True, False):
-        found = rolling(by_model(model, reproject=reproject), starts, KINEMATIC)
+        found = rolling_deviations(by_model(model, reproject=reproject), starts, KINEMATIC)
         assert np.nanmax(found) < 1e-6

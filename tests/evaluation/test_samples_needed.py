@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from ideal_data import ideal_dataset
 
-from koopman_lab.evaluation.samples_needed import counts_of, needed
-from koopman_lab.figures.samples_needed import draw_needed
+from koopman_lab.evaluation.samples_needed import counts_of, errors_by_count
+from koopman_lab.figures.samples_needed_figure import draw_needed
 from koopman_lab.koopman.dictionary import dictionary
 
 
@@ -21,7 +21,7 @@ def rows():
     counts = counts_of(dataset)
     assert counts == [5, 10, 20, 50, 100, 200, 480]
     own = dictionary("D5t", "kinematic")
-    return list(needed(dataset, own, [5, 50, 480], 6))
+    return list(errors_by_count(dataset, own, [5, 50, 480], 6))
 
 
 def test_symmetric_fits_need_fewer_samples(rows):

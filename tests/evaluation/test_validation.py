@@ -8,10 +8,10 @@ import pytest
 from ideal_data import ideal_dataset
 
 from koopman_lab.config.load import load_config
-from koopman_lab.data.reference import ReferenceRuns
+from koopman_lab.data.reference_runs import ReferenceRuns
 from koopman_lab.errors import DataError, ModelError
 from koopman_lab.evaluation.validation import validate
-from koopman_lab.koopman.train import train
+from koopman_lab.koopman.trainer import train
 
 RUNS = ReferenceRuns(
     Path("runs/a.lcm"), load_config(robot="dynamic"), "square", 40, 0, np.zeros(5), lambda _: []

@@ -10,7 +10,7 @@ from koopman_lab.bus.channels import MOCAP_POSE
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.errors import LogError
 from koopman_lab.eventlog.eventlog import read_events
-from koopman_lab.eventlog.logwriter import EventLogWriter, RotatingLogWriter, parts
+from koopman_lab.eventlog.logwriter import EventLogWriter, RotatingLogWriter, files_of_log
 
 NAME = "R1_MOCAP_POSE"
 
@@ -35,7 +35,7 @@ def test_a_large_log_goes_on_in_a_next_file_and_is_read_as_one(tmp_path):
     log = RotatingLogWriter(path, largest_bytes=1000)
     write(log, range(40))
     log.close()
-    files = parts(path)
+    files = files_of_log(path)
     assert [file.name for file in files[:2]] == ["session.lcm", "session-0001.lcm"]
     assert len(files) > 3
     assert all(file.stat().st_size < 1000 + 200 for file in files)

@@ -17,8 +17,8 @@ from koopman_lab.eventlog.older_layouts import (
     Field,
     OlderLayout,
     decode,
-    present,
-    present_messages,
+    in_present_layout,
+    messages_in_present_layout,
 )
 from koopman_lab.replay.rotated_log import read_rotated_log
 
@@ -83,7 +83,7 @@ EXPECTED = {
 @given(st.data())
 def test_every_value_of_an_older_message_is_in_that_of_today(layout, data):
     old = data.draw(values(layout.fields))
-    message = layout.message_type.decode(present(encode(layout, old)))
+    message = layout.message_type.decode(in_present_layout(encode(layout, old)))
     changed = EXPECTED[layout.message_type](old)
     for name in layout.message_type.__slots__:
         expected = changed[name] if name in changed else old[name]
@@ -97,9 +97,9 @@ def test_every_value_of_an_older_message_is_in_that_of_today(layout, data):
 @given(st.data())
 def test_messages_of_today_stay_as_they_are(kind, data):
     wire = data.draw(messages(kind)).encode()
-    assert present(wire) is wire
+    assert in_present_layout(wire) is wire
     block = Messages.joined([wire, b"", b"short", wire])
-    assert present_messages(block) is block
+    assert messages_in_present_layout(block) is block
 
 
 @LAYOUTS
@@ -109,9 +109,9 @@ def test_an_older_message_that_was_cut_stays_what_it_is(layout):
         for name, _, length in layout.fields
     }
     whole = encode(layout, numbers)
-    assert present(whole) != whole
+    assert in_present_layout(whole) != whole
     for size in range(8, len(whole)):
-        assert present(whole[:size]) == whole[:size]
+        assert in_present_layout(whole[:size]) == whole[:size]
 
 
 def test_a_negative_length_is_none():
@@ -121,7 +121,7 @@ def test_a_negative_length_is_none():
         for name, _, length in layout.fields
     }
     message = encode(layout, numbers | {"horizon": -3})
-    assert present(message) == message
+    assert in_present_layout(message) == message
 
 
 @pytest.mark.parametrize(("name", "suffix"), [("calibration", "SAMPLER"), ("park", "MPC")])

@@ -11,7 +11,8 @@ from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.combination import exponential_action, generators
 from koopman_lab.koopman.defects import defects
 from koopman_lab.koopman.dictionary import dictionary
-from koopman_lab.koopman.train import Method, train
+from koopman_lab.koopman.trainer import train
+from koopman_lab.koopman.training_report import Method
 
 
 def exact_d5t(v, omega, dt_s=0.05):

@@ -9,20 +9,21 @@ from ideal_data import ideal_dataset
 from scipy.linalg import expm
 
 from koopman_lab.errors import DataError, ModelError
-from koopman_lab.evaluation.heldout import only
+from koopman_lab.evaluation.heldout import select_pairs
 from koopman_lab.koopman.dictionary import DICTIONARIES, dictionary
 from koopman_lab.koopman.excitation import excitation
 from koopman_lab.koopman.fit import fit_matrix, fit_moments
+from koopman_lab.koopman.lifted_samples import lag_us, lifted_samples
 from koopman_lab.koopman.moments import Moments
-from koopman_lab.koopman.samples import lag_us, samples
 from koopman_lab.koopman.symmetry import equivariant_basis
-from koopman_lab.koopman.train import Method, train
+from koopman_lab.koopman.trainer import train
+from koopman_lab.koopman.training_report import Method
 
 
 def lifted(name="D8Eul", noise=1e-3, segments=20):
     kind = DICTIONARIES[name].kind
     dataset = ideal_dataset(kind, segments=segments, noise=noise)
-    return samples(dataset, 1, dictionary(name, kind)).parts
+    return lifted_samples(dataset, 1, dictionary(name, kind)).parts
 
 
 def moments_of(parts, pieces=1):
@@ -61,7 +62,10 @@ def test_batches_give_what_one_piece_gives(pieces):
 def test_several_data_sets_are_one_to_the_fit_but_must_be_alike():
     whole = ideal_dataset("dynamic", segments=20, noise=1e-3)
     first = {i: s < 9 for i, s in whole.segments.items()}
-    parts = [only(whole, first), only(whole, {i: ~mask for i, mask in first.items()})]
+    parts = [
+        select_pairs(whole, first),
+        select_pairs(whole, {i: ~mask for i, mask in first.items()}),
+    ]
     together, report = train(iter(parts), "D8Eul")
     alone, single = train(whole, "D8Eul")
     assert together.matrices == pytest.approx(alone.matrices, abs=1e-10)

@@ -11,7 +11,8 @@ from koopman_lab.errors import DataError, ModelError
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import DICTIONARIES, Dictionary, register
 from koopman_lab.koopman.fit import fit_matrix
-from koopman_lab.koopman.train import Method, train
+from koopman_lab.koopman.trainer import train
+from koopman_lab.koopman.training_report import Method
 from koopman_lab.predictors.predictor import require_robot
 from koopman_lab.robots.nominal_model import nominal_model
 

@@ -13,7 +13,7 @@ from koopman_lab.errors import ConfigError, LabStateError, ModelError
 from koopman_lab.geometry.planar import Pose
 from koopman_lab.mpc import receding_horizon
 from koopman_lab.predictors import table
-from koopman_lab.predictors.edmd import KoopmanPrediction
+from koopman_lab.predictors.bilinear_edmd import KoopmanPrediction
 from offboard.cli.main import app
 from offboard.lab.calibration import Calibration
 from offboard.lab.parking_run import Parking

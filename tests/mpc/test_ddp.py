@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from koopman_lab.config.load import load_config
-from koopman_lab.mpc.costs import Quadratic, stage_cost
+from koopman_lab.mpc.configured_cost import stage_cost
 from koopman_lab.mpc.solver import make_solver
+from koopman_lab.mpc.stage_costs import Quadratic
 from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.dynamic import DYNAMIC
 from koopman_lab.robots.kinematic import KINEMATIC

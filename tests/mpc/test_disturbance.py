@@ -9,7 +9,7 @@ from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.mpc.disturbance import DisturbanceEstimator, DisturbedPrediction
 from koopman_lab.mpc.receding_horizon import receding_horizon, solver_of
-from koopman_lab.predictors.edmd import KoopmanPrediction
+from koopman_lab.predictors.bilinear_edmd import KoopmanPrediction
 from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.nominal_model import nominal_model
 from koopman_lab.studies.closed_loop import closed_loop

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from koopman_lab.mpc.costs import Quadratic
 from koopman_lab.mpc.solver import make_solver
+from koopman_lab.mpc.stage_costs import Quadratic
 from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.kinematic import KINEMATIC
 from koopman_lab.robots.robot_type import Quantity, RobotType
@@ -53,7 +53,7 @@ MECANUM = robot("mecanum", 0.25 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], [-2, 2
 def kind(request):
     ROBOTS.register(request.param.name, request.param)
     yield request.param
-    ROBOTS.forget(request.param.name)
+    ROBOTS.unregister(request.param.name)
 
 
 def test_our_solver_fatrop_and_ipopt_agree(kind):

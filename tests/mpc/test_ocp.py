@@ -7,11 +7,12 @@ from ideal_data import ideal_dataset
 
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ConfigError
-from koopman_lab.koopman.train import train
-from koopman_lab.mpc.costs import MixedExponents, stage_cost
+from koopman_lab.koopman.trainer import train
+from koopman_lab.mpc.configured_cost import stage_cost
 from koopman_lab.mpc.ocp import Bounds, bounds_for, transcribe
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import NlpSolver, make_solver
+from koopman_lab.mpc.stage_costs import MixedExponents
 from koopman_lab.predictors.lifted import LiftedPrediction
 from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.dynamic import DYNAMIC

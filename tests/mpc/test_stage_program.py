@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import koopman_lab.mpc.ddp
 from koopman_lab.config.load import load_config
 from koopman_lab.mpc import compiled, ddp
-from koopman_lab.mpc.costs import stage_cost
+from koopman_lab.mpc.configured_cost import stage_cost
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import MOST_ITERATIONS, make_solver
 from koopman_lab.predictors.nominal import NominalPrediction

@@ -12,11 +12,11 @@ from koopman_lab.files import CACHE_VARIABLE
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.mpc import compiled, stagewise
-from koopman_lab.mpc.costs import stage_cost
+from koopman_lab.mpc.configured_cost import stage_cost
 from koopman_lab.mpc.ocp import Bounds, transcribe
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import make_solver
-from koopman_lab.predictors.edmd import KoopmanPrediction
+from koopman_lab.predictors.bilinear_edmd import KoopmanPrediction
 from koopman_lab.predictors.lifted import LiftedPrediction
 from koopman_lab.predictors.nominal import NominalPrediction
 

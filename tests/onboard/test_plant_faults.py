@@ -11,7 +11,7 @@ from koopman_lab.geometry.planar import Pose
 from koopman_lab.units import wrap_counter
 from onboard.plant.cameras.cameras import Cameras
 from onboard.plant.counters import Counters
-from onboard.plant.hardware import Hardware
+from onboard.plant.faulty_plant import FaultyPlant
 from onboard.plant.plant import Plant
 
 TICK_US = 10_000
@@ -21,7 +21,7 @@ class Bench:
     def __init__(self, preset, *planned):
         config = load_config(preset=preset, overrides=[f"simulation.faults=[{', '.join(planned)}]"])
         self.plant = Plant(config, np.random.default_rng(0))
-        self.hardware = Hardware(config, self.plant, 0)
+        self.hardware = FaultyPlant(config, self.plant, 0)
         self.now_us = 0
 
     def drive(self, seconds, duty=0.4):

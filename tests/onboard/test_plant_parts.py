@@ -17,7 +17,7 @@ from offboard.sampler.node import SamplerNode
 from onboard.motor_loop.node import OnboardNode
 from onboard.plant.cameras.node import SimulatedCameras
 from onboard.plant.node import PlantNode
-from onboard.plant.robot import SimulatedRobot
+from onboard.plant.simulated_robot import SimulatedRobot
 
 
 class CameraBridge:

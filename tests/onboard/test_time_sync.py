@@ -40,7 +40,7 @@ class Pair:
             received = self.now_us + round(there)
             answered = received + 100
             arrived = answered + round(back)
-            self.sync.take(
+            self.sync.add(
                 Exchange(self.board.read(self.now_us), received, answered, self.board.read(arrived))
             )
         return self
@@ -89,7 +89,7 @@ def test_on_good_wifi_offset_and_drift_are_found():
 def test_one_exchange_tells_the_offset_within_half_its_round_trip(there_us, back_us):
     sync = TimeSync(CLOCK)
     received = 1_000_000 + there_us
-    assert sync.take(Exchange(3_000_000, received, received, 3_000_000 + there_us + back_us))
+    assert sync.add(Exchange(3_000_000, received, received, 3_000_000 + there_us + back_us))
     assert sync.offset_us(3_000_000) == -2_000_000 + (there_us - back_us) // 2
     half = (there_us + back_us) / 2
     assert half <= sync.error_us(3_000_000) <= half + 5
@@ -115,7 +115,7 @@ def test_without_an_answer_both_clocks_are_one():
 )
 def test_answers_that_no_clock_can_have_given_are_not_taken(exchange):
     sync = TimeSync(CLOCK)
-    assert not sync.take(exchange)
+    assert not sync.add(exchange)
     assert not sync.synced
 
 

@@ -13,7 +13,8 @@ from plugin_package import install
 from real_bus import Ear, recorded
 
 import lcmtypes
-from koopman_lab.bus.channels import ENCODER, MOCAP_POSE, Channel
+from koopman_lab.bus.channel import Channel
+from koopman_lab.bus.channels import ENCODER, MOCAP_POSE
 
 SUPPORT = Path(__file__).parents[1] / "support"
 MODULES = {name: (SUPPORT / f"{name}.py").read_text() for name in ("stranger", "stranger_models")}

@@ -40,8 +40,8 @@ def added(table, tmp_path, monkeypatch):
 def test_our_own_rows_come_first_and_all_names_are_known_without_an_import(table, added):
     added({"pear": "orchard_absent:PEAR", "fig": "orchard_absent:FIG"}, {})
     assert table.names() == ("apple", "fig", "pear")
-    assert table.others() == ("fig", "pear")
-    assert table.own_names() == ("apple",)
+    assert table.plugin_names() == ("fig", "pear")
+    assert table.builtin_names() == ("apple",)
     assert "pear" in table
     assert "plum" not in table
 
@@ -50,7 +50,7 @@ def test_a_row_of_another_package_is_used_like_our_own(table, added):
     added({"pear": "orchard_good:ROW"}, {"orchard_good": ROW.format("pear")})
     assert table.get("pear") == Fruit("pear")
     assert list(table) == [OWN, Fruit("pear")]
-    assert table.own("pear") is None
+    assert table.builtin_row("pear") is None
     assert not table.faults()
     assert table.origin("pear") == "fruit 'pear' of the package klab-stranger"
 
@@ -123,7 +123,7 @@ def test_a_row_named_as_ours_is_refused_as_well(table, added):
     added({"apple": "orchard_apple:ROW"}, {"orchard_apple": ROW.format("apple")})
     with pytest.raises(PluginError, match=r"'apple' is in koopman-lab and in klab-stranger"):
         table.get("apple")
-    assert table.own("apple") is OWN
+    assert table.builtin_row("apple") is OWN
     assert list(table.faults()) == ["apple"]
 
 
@@ -153,10 +153,10 @@ def test_a_script_adds_a_row_for_its_own_process(table):
     plum = Fruit("plum")
     table.register("plum", plum)
     assert table.get("plum") is plum
-    assert "plum" in table.others()
+    assert "plum" in table.plugin_names()
     with pytest.raises(ConfigError, match="'plum' is there already"):
         table.register("plum", Fruit("plum"))
     with pytest.raises(ConfigError, match="'apple' is there already"):
         table.register("apple", OWN)
-    table.forget("plum")
+    table.unregister("plum")
     assert table.names() == ("apple",)

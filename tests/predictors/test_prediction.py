@@ -11,10 +11,10 @@ from koopman_lab.config.load import load_config
 from koopman_lab.errors import ModelError
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import dictionary
-from koopman_lab.mpc.costs import MixedExponents, QuadraticInObservables
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.mpc.rollout import Rollout
-from koopman_lab.predictors.edmd import KoopmanPrediction
+from koopman_lab.mpc.stage_costs import MixedExponents, QuadraticInObservables
+from koopman_lab.predictors.bilinear_edmd import KoopmanPrediction
 from koopman_lab.predictors.lifted import LiftedPrediction
 from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.predictors.table import load_prediction

@@ -11,13 +11,13 @@ from nominal_runs import run
 from prediction_models import exact_d5t
 
 from koopman_lab.config.load import load_config
-from koopman_lab.data.reference import ReferenceRuns
+from koopman_lab.data.reference_runs import ReferenceRuns
 from koopman_lab.errors import ModelError
 from koopman_lab.evaluation.heldout import errors
 from koopman_lab.evaluation.validation import predictors, validate
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.model_file import read_model_file, write_model_file
-from koopman_lab.koopman.train import Method
+from koopman_lab.koopman.training_report import Method
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.predictors.predictor import require_robot
 from koopman_lab.predictors.table import (
@@ -37,7 +37,7 @@ def gains():
     row = stranger_models.GAINS
     PREDICTORS.register(row.name, row)
     yield stranger_models.Gains(robot_type("kinematic"), 0.05, (1.0, 1.0))
-    PREDICTORS.forget(row.name)
+    PREDICTORS.unregister(row.name)
 
 
 def learn(name, kind="kinematic"):
@@ -130,7 +130,7 @@ def test_a_predictor_that_is_not_installed_is_named_with_its_package(gains, tmp_
         r" not installed; install the package klab-resnet; known",
     ):
         load_model(tmp_path / "other.npz")
-    PREDICTORS.forget("gains")
+    PREDICTORS.unregister("gains")
     with pytest.raises(ModelError, match=r"predictor 'gains', which is not installed; known: edmd"):
         load_model(tmp_path / "model.npz")
     with pytest.raises(ModelError, match=r"a model of the predictor 'gains', not edmd"):

@@ -5,8 +5,8 @@ import pytest
 import lcmtypes
 from koopman_lab.bus.channels import SESSION_INFO, VELOCITY_CMD
 from koopman_lab.config.load import dump_config, load_config
+from koopman_lab.replay.node_rerun import Output
 from koopman_lab.replay.output_comparison import compare
-from koopman_lab.replay.rerun import Output
 
 END_US = 10**9
 NAME = VELOCITY_CMD.name("R1")

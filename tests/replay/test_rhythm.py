@@ -3,7 +3,7 @@
 import pytest
 
 from koopman_lab.eventlog.eventlog import Event
-from koopman_lab.replay.replay import replay, rhythm
+from koopman_lab.replay.timed_replay import replay, rhythm
 
 HOUR_US = 3_600_000_000
 

@@ -139,12 +139,14 @@ def test_what_drives_two_wheels_fits_the_equations(robot, velocity, target):
     if robot.drive is None:
         return
     drive = robot.drive
-    u = drive.towards(velocity, target, DT_S)
-    assert drive.after(velocity, u, DT_S) == pytest.approx(target, abs=1e-12)
+    u = drive.input_towards(velocity, target, DT_S)
+    assert drive.velocity_after(velocity, u, DT_S) == pytest.approx(target, abs=1e-12)
     x = robot.step(robot.state([0.0, 0.0, 0.0], velocity), u, DT_S)
     assert x[list(robot.speeds_at)] == pytest.approx(list(target[: len(robot.speeds_at)]))
-    assert x[2] == pytest.approx(DT_S * drive.mean(velocity, drive.after(velocity, u, DT_S))[1])
-    along = drive.along(velocity, target, DT_S)
+    assert x[2] == pytest.approx(
+        DT_S * drive.mean(velocity, drive.velocity_after(velocity, u, DT_S))[1]
+    )
+    along = drive.input_along(velocity, target, DT_S)
     x = robot.step(robot.state([0.0, 0.0, 0.0], velocity), along, DT_S)
     assert x[2] == pytest.approx(0.5 * DT_S * (velocity[1] + target[1]), abs=1e-12)
     assert drive.integrates == bool(robot.speeds_at)

@@ -18,15 +18,16 @@ from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import ConfigError, DataError, ModelError
 from koopman_lab.evaluation.describe import describe
 from koopman_lab.evaluation.heldout import errors, held_out_runs, split
-from koopman_lab.evaluation.metrics import by_model, by_nominal, per_step, rolling
-from koopman_lab.evaluation.rolling import starts_along
+from koopman_lab.evaluation.metrics import by_model, by_nominal, per_step, rolling_deviations
+from koopman_lab.evaluation.trajectory_starts import starts_along
 from koopman_lab.koopman import dictionary as dictionaries
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.dictionary import dictionary, from_expressions
-from koopman_lab.koopman.train import Method, train
-from koopman_lab.mpc.costs import stage_cost
+from koopman_lab.koopman.trainer import train
+from koopman_lab.koopman.training_report import Method
+from koopman_lab.mpc.configured_cost import stage_cost
 from koopman_lab.mpc.solver import make_solver
-from koopman_lab.predictors.edmd import KoopmanPrediction
+from koopman_lab.predictors.bilinear_edmd import KoopmanPrediction
 from koopman_lab.predictors.lifted import LiftedPrediction
 from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.robot_type import Quantity, RobotType
@@ -102,7 +103,7 @@ X0 = np.array([0.6, -0.4, 2.0])
 def registered():
     ROBOTS.register(KIND, OMNIDIRECTIONAL)
     yield
-    ROBOTS.forget(KIND)
+    ROBOTS.unregister(KIND)
 
 
 @pytest.fixture
@@ -214,7 +215,7 @@ def test_the_model_file_says_its_robot_by_name(model, tmp_path):
     assert again.robot is OMNIDIRECTIONAL
     np.testing.assert_array_equal(again.matrices, model.matrices)
     np.testing.assert_array_equal(again.basis_inputs, model.basis_inputs)
-    ROBOTS.forget(KIND)
+    ROBOTS.unregister(KIND)
     with pytest.raises(ModelError, match=r"model\.npz: unknown robot 'omnidirectional', known: "):
         BilinearModel.load(tmp_path / "model.npz")
 
@@ -222,7 +223,7 @@ def test_the_model_file_says_its_robot_by_name(model, tmp_path):
 def test_a_data_set_is_written_and_read_again(dataset, tmp_path):
     dataset.save(tmp_path / "data.npz")
     assert DataSet.load(tmp_path / "data.npz").data_hash == dataset.data_hash
-    ROBOTS.forget(KIND)
+    ROBOTS.unregister(KIND)
     with pytest.raises(DataError, match=r"data\.npz: unknown robot 'omnidirectional'"):
         DataSet.load(tmp_path / "data.npz")
 
@@ -250,12 +251,12 @@ def test_errors_along_runs_and_on_held_out_runs_vanish(dataset, model):
     at_commands = whole._replace(utime_us=whole.utime_us[::12], x=whole.x[::12])
     starts = starts_along([at_commands], 10, DT_S, 1.0 / DT_S)
     for predict in (by_model(model), by_model(model, reproject=False)):
-        for found in per_step(rolling(predict, starts, model.robot)):
+        for found in per_step(rolling_deviations(predict, starts, model.robot)):
             assert found.position_max_m < 1e-9
             assert found.angle_max_rad < 1e-9
             assert found.v_max_m_per_s is None
     # The nominal equations know the robot's motion, a wheeled robot's do not.
-    nominal = rolling(by_nominal(OMNIDIRECTIONAL, DT_S), starts, model.robot)
+    nominal = rolling_deviations(by_nominal(OMNIDIRECTIONAL, DT_S), starts, model.robot)
     assert np.nanmax(nominal) < 1e-9
     rest, held = split(dataset, held_out_runs(dataset))
     fitted, _ = train(rest, ", ".join(EXPRESSIONS), Method(combination="generator"))
@@ -313,7 +314,7 @@ def test_the_offset_free_controller_corrects_its_pose_alone(affine):
 
 
 def test_an_unknown_robot_is_one_message_that_lists_the_known_ones():
-    ROBOTS.forget(KIND)
+    ROBOTS.unregister(KIND)
     message = f"unknown robot '{KIND}', known: kinematic, dynamic"
     with pytest.raises(ConfigError, match=message):
         robot_type(KIND)

@@ -93,12 +93,12 @@ def omni(package):
     robot = scope["OMNI"]
     ROBOTS.register(robot.name, robot)
     yield robot
-    ROBOTS.forget(robot.name)
+    ROBOTS.unregister(robot.name)
 
 
 def with_command(robot, suffix, message, fields=OWN):
     changed = replace(robot, command=CommandMessage(suffix, message, fields))
-    ROBOTS.forget(robot.name)
+    ROBOTS.unregister(robot.name)
     ROBOTS.register(robot.name, changed)
     return changed
 
@@ -218,7 +218,7 @@ def test_another_robot_on_two_wheels_shares_channel_and_motor_loop():
         node.loop.tick(0)
         assert node.loop.setpoint.v > 0.0
     finally:
-        ROBOTS.forget("slow")
+        ROBOTS.unregister("slow")
 
 
 def klab_beside(package, *arguments, cwd):

@@ -6,7 +6,7 @@ from prediction_models import exact_d5t
 
 from koopman_lab.config.load import load_config
 from koopman_lab.mpc.receding_horizon import solver_of
-from koopman_lab.predictors.edmd import KoopmanPrediction
+from koopman_lab.predictors.bilinear_edmd import KoopmanPrediction
 from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.nominal_model import nominal_model
 from koopman_lab.studies.closed_loop import as_rows, closed_loop, columns, row, x2_last_mm

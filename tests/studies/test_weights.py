@@ -9,7 +9,7 @@ from prediction_models import exact_d5t
 from koopman_lab.config.load import load_config
 from koopman_lab.files import write_csv
 from koopman_lab.koopman.dictionary import dictionary
-from koopman_lab.predictors.edmd import KoopmanPrediction
+from koopman_lab.predictors.bilinear_edmd import KoopmanPrediction
 from koopman_lab.studies import weights
 from koopman_lab.studies.weights import Setting
 

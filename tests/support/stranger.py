@@ -3,7 +3,8 @@
 import sys
 
 import lcmtypes
-from koopman_lab.bus.channels import ENCODER, MOCAP_POSE, MOTOR_CMD, Channel
+from koopman_lab.bus.channel import Channel
+from koopman_lab.bus.channels import ENCODER, MOCAP_POSE, MOTOR_CMD
 from koopman_lab.bus.hardware import Hardware
 from koopman_lab.bus.processes import Process
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from koopman_lab.config.costs import Cost
+from koopman_lab.config.cost_table import Cost
 from koopman_lab.geometry.planar import ORIGIN
 from koopman_lab.koopman.model_file import write_model_file
-from koopman_lab.predictors.predictor import OfTheState
+from koopman_lab.predictors.predictor import StatePrediction
 from koopman_lab.predictors.table import Predictor, file_header
 from koopman_lab.robots.table import robot_type
 
@@ -69,7 +69,7 @@ def load(file):
     return Gains(robot_type(header["robot"]), header["dt_s"], gains, header["metadata"])
 
 
-class Prediction(OfTheState):
+class Prediction(StatePrediction):
     def __init__(self, model):
         self.robot, self.dt_s, self.marker_offset = model.robot, model.dt_s, model.marker_offset
         self.parameters = np.array([*model.gains, model.dt_s])

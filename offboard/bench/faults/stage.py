@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.channels import Channel, M
+from koopman_lab.bus.channel import Channel, M
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node, Port, RawHandler, Tick
 from koopman_lab.config.change import changed

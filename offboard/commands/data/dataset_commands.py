@@ -162,13 +162,13 @@ def _with_origin(opened: Source) -> DataSet:
     """Return the data set with the file that it was made of."""
     import dataclasses
 
-    from koopman_lab.eventlog.logwriter import parts
+    from koopman_lab.eventlog.logwriter import files_of_log
     from koopman_lab.files import sha256
 
     dataset = opened.dataset
     if not opened.file.is_file() or "source" in dataset.metadata:
         return dataset
-    origin = {"file": str(opened.file), "sha256": sha256(*parts(opened.file))}
+    origin = {"file": str(opened.file), "sha256": sha256(*files_of_log(opened.file))}
     return dataclasses.replace(dataset, metadata=dict(dataset.metadata) | {"source": origin})
 
 

@@ -47,7 +47,7 @@ def needed(
     from koopman_lab.data.source import open_source
     from koopman_lab.evaluation import samples_needed as study
     from koopman_lab.koopman.symmetry import equivariant_basis
-    from koopman_lab.koopman.train import resolve
+    from koopman_lab.koopman.trainer import resolve
 
     opened = open_source(source, window=window, salvage=salvage)
     resolved = resolve(dictionary or opened.dictionary, opened.dataset)
@@ -60,13 +60,13 @@ def needed(
     counts = study.counts_of(opened.dataset)
     rows = []
     with progress("fitting", "fits") as report:
-        for row in study.needed(
+        for row in study.errors_by_count(
             opened.dataset, resolved, counts, repetitions, methods=methods, seed=seed
         ):
             rows.append(row)
             report(len(rows), len(counts) * len(methods), f"{row.method}, {row.count} samples")
     if figure is not None:
-        from koopman_lab.figures.samples_needed import draw_needed
+        from koopman_lab.figures.samples_needed_figure import draw_needed
 
         try:
             draw_needed(figure, rows)

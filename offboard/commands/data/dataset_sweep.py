@@ -19,8 +19,8 @@ from offboard.terminal.output import err, out, progress, show_passed_over
 
 if TYPE_CHECKING:
     from koopman_lab.evaluation.metrics import Errors
-    from koopman_lab.evaluation.sweep import Entry, SweepRow
-    from koopman_lab.koopman.samples import Estimator
+    from koopman_lab.evaluation.window_sweep import Entry, SweepRow
+    from koopman_lab.koopman.lifted_samples import Estimator
 
 
 class Estimators(str, Enum):
@@ -58,8 +58,8 @@ def sweep(
     Example: klab dataset sweep runs/dynamic --windows 1,10,40 --estimator both --out runs/sweep
     """
     from koopman_lab.data.decode import SessionLog
-    from koopman_lab.evaluation.sweep import known_entries
-    from koopman_lab.evaluation.sweep import sweep as fits
+    from koopman_lab.evaluation.window_sweep import known_entries
+    from koopman_lab.evaluation.window_sweep import sweep as fits
     from koopman_lab.koopman import dictionary as dictionaries
 
     window_sizes = options.parse_windows(windows)
@@ -77,7 +77,7 @@ def sweep(
             report(len(rows), len(window_sizes) * len(estimators), f"window {row.window}")
     entries = known_entries(config, observables)
     if figure is not None:
-        from koopman_lab.figures.sweep import draw_sweep
+        from koopman_lab.figures.window_sweep_figure import draw_sweep
 
         try:
             draw_sweep(figure, rows, entries)
@@ -117,7 +117,7 @@ def _show(name: str, rows: Sequence[SweepRow], entries: Sequence[Entry]) -> None
     from rich.markup import escape
     from rich.table import Table
 
-    from koopman_lab.evaluation.sweep import STEPS
+    from koopman_lab.evaluation.window_sweep import STEPS
 
     fitted = [row for row in rows if row.refused is None]
     out.print(f"{name}, errors on held-out runs")

@@ -46,8 +46,8 @@ def samples(
     """
     from koopman_lab.data.decode import SessionLog
     from koopman_lab.data.recording import recording
-    from koopman_lab.figures.samples import draw_samples
-    from koopman_lab.figures.samples import samples as collected
+    from koopman_lab.figures.samples_figure import draw_samples
+    from koopman_lab.figures.samples_figure import shown_inputs as collected
 
     window_sizes = options.parse_windows(windows)
     log = SessionLog(session, salvage=salvage)
@@ -72,7 +72,7 @@ def dictionaries(
 
     Example: klab figure dictionaries runs/D8Eul.npz runs/infinity runs/square --out runs/openloop
     """
-    from koopman_lab.figures.dictionaries import draw_dictionaries
+    from koopman_lab.figures.dictionaries_figure import draw_dictionaries
 
     models, sessions, _ = inputs = models_and_runs(paths, window, salvage=salvage)
     with _drawing(file):
@@ -96,7 +96,7 @@ def multistep(
 
     Example: klab figure multistep runs/D8Eul.npz runs/infinity --out runs/multistep
     """
-    from koopman_lab.figures.multistep import draw_multi_step, multi_step
+    from koopman_lab.figures.multistep_figure import draw_multi_step, multi_step
 
     models, sessions, _ = inputs = models_and_runs(paths, window, salvage=salvage)
     if len(models) > 1 or len(sessions) > 1:

@@ -19,7 +19,7 @@ from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, show_passed_over
 
 if TYPE_CHECKING:
-    from koopman_lab.koopman.train import Method, TrainingReport
+    from koopman_lab.koopman.training_report import Method, TrainingReport
 
 
 class EstimatorName(str, Enum):
@@ -86,7 +86,7 @@ def train(
 
     Example: klab train runs/calibration --window 40 --out runs/model.npz
     """
-    from koopman_lab.koopman.train import Method
+    from koopman_lab.koopman.training_report import Method
 
     train_and_report(
         sources,
@@ -123,7 +123,7 @@ def train_and_report(
         If a source cannot be used, or together they do not excite the dictionary.
     """
     from koopman_lab.data.source import open_source
-    from koopman_lab.koopman.train import Method, TrainingReport
+    from koopman_lab.koopman.training_report import Method, TrainingReport
     from koopman_lab.predictors.table import PREDICTORS, trainer_of
 
     PREDICTORS.get(predictor)  # before hours of data are read

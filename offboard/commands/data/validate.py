@@ -39,7 +39,7 @@ def validate(
     Example: klab validate runs/D8Eul.npz runs/D10m.npz runs/infinity --out runs/validation
     """
     from koopman_lab.evaluation.validation import validate as measure
-    from koopman_lab.figures.validation import draw_validation
+    from koopman_lab.figures.validation_figure import draw_validation
 
     models, sessions, _ = inputs = models_and_runs(paths, window, salvage=salvage)
     validations: list[Validation] = []

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from koopman_lab.config.costs import COSTS
+from koopman_lab.config.cost_table import COSTS
 from koopman_lab.errors import DataError
 from koopman_lab.robots.table import robot_type
 from offboard.commands.studies import study_starts
@@ -59,7 +59,7 @@ def weights(
     changes = [f"controller.dt_s={loaded.dt_s}", *(overrides or ())]
     lab = options.resolve(config, changes, None if config else loaded.robot.name)
     require_robot(loaded, lab.robot.kind)
-    grid = studies.settings(cost or COSTS.own_names(), options.parse_factors(factors))
+    grid = studies.settings(cost or COSTS.builtin_names(), options.parse_factors(factors))
     robot = robot_type(lab.robot.kind)
     x0 = robot.state(options.start_or_default(start, robot.runs.simulate_start))
     seconds = duration_s if duration_s is not None else robot.runs.simulate_s

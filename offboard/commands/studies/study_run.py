@@ -163,14 +163,14 @@ def run_and_show(
 def _show(study: Study, rows: Sequence[dict[str, Any]]) -> None:
     from rich.table import Table
 
-    from koopman_lab.studies.table import COLUMNS, table
+    from koopman_lab.studies.deviation_table import COLUMNS, deviation_table
 
     columns = ("p25_mm", "p50_mm", "p75_mm", "p95_mm", "max_mm")
     shown = Table(box=None, pad_edge=False, title=f"{study.name}: |x2| at the end (mm)")
     shown.add_column("case", no_wrap=True)
     for column in ("runs", "failed", "25 %", "50 %", "75 %", "95 %", "max", "< 2 mm"):
         shown.add_column(column, justify="right", no_wrap=True)
-    for line in table(rows, [case.label for case in study.cases]):
+    for line in deviation_table(rows, [case.label for case in study.cases]):
         values = dict(zip(COLUMNS, line, strict=True))
         shown.add_row(
             values["case"],

@@ -198,7 +198,7 @@ def combination(
 
     Example: klab study combination --dataset runs/dynamic --runs 100 --out runs/combination
     """
-    from koopman_lab.koopman.train import Method
+    from koopman_lab.koopman.training_report import Method
     from koopman_lab.studies.trained_models import Recipe
 
     recipes = {

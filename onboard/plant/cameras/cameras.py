@@ -21,7 +21,7 @@ FRAMES_PER_DRAW = 256
 Frame = tuple[int, PlainPose, bool]
 """What the tracking makes of one exposure: its time (us), the pose, and whether that is valid."""
 Numbers = tuple[Sequence[float], bool, int]
-"""Of one frame: the errors of its pose, whether it is lost, and its delay (us)."""
+"""Random numbers of one frame: errors of its pose, whether it is lost, and its delay (us)."""
 
 
 class Cameras:

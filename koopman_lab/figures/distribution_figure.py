@@ -37,11 +37,11 @@ def draw_distribution(
         figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True
     ):
         for number, label in enumerate(labels):
-            ends = deviations_mm[label]
-            share = np.arange(1, len(ends) + 1) / len(ends)
-            known = np.isfinite(ends)
+            final_mm = deviations_mm[label]
+            share = np.arange(1, len(final_mm) + 1) / len(final_mm)
+            known = np.isfinite(final_mm)
             axes.step(
-                np.maximum(ends[known], SMALLEST_MM),
+                np.maximum(final_mm[known], SMALLEST_MM),
                 share[known],
                 where="post",
                 label=label,
@@ -49,7 +49,7 @@ def draw_distribution(
                 linestyle=("-", "--")[number // 10 % 2],
                 linewidth=1.2,
             )
-            lines += [[label, x, y] for x, y in zip(ends.tolist(), share.tolist(), strict=True)]
+            lines += [[label, x, y] for x, y in zip(final_mm.tolist(), share.tolist(), strict=True)]
         axes.set(
             title=title,
             xlabel="|x2| at the end (mm)",

@@ -26,9 +26,9 @@ from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 
 LATE = 1.1
-"""In control intervals: a command that comes later was not there in time."""
+"""A command that comes later, in control intervals, was not there in time."""
 NO_BASIS = -1
-"""In place of the index of a basis input."""
+"""Stands for the index of a basis input where there is none."""
 SHAPES = {
     lcmtypes.reference_state_t.INFINITY: "infinity",
     lcmtypes.reference_state_t.SQUARE: "square",
@@ -36,7 +36,7 @@ SHAPES = {
 
 
 class Trajectory(NamedTuple):
-    """One run.
+    """What was measured and commanded in one reference run.
 
     Attributes
     ----------
@@ -73,13 +73,13 @@ class ReferenceRuns:
     path
         The log.
     config
-        Of the lab that recorded it.
+        Configuration of the lab that recorded it.
     shape
         Name of the shape.
     window
-        Of the smoothing (frames).
+        Length of the smoothing window (frames).
     count
-        How many runs.
+        Number of runs.
     start
         Nominal state at the start (n,), at rest.
     trajectories
@@ -167,7 +167,7 @@ def _trajectory(
     offset: Pose,
 ) -> Trajectory:
     interval_us, robot = round(config.controller.dt_s * US_PER_S), robot_type(config.robot.kind)
-    command_us, inputs = _held(driven, interval_us, robot)
+    command_us, inputs = _held_inputs(driven, interval_us, robot)
     start_us, end_us = int(driven["utime"][0]), int(driven["utime"][-1]) + interval_us
     rate_hz = config.mocap.rate_hz
     # The robot stands before and after, so that the first and the last state have whole windows.
@@ -188,7 +188,7 @@ def _trajectory(
     )
 
 
-def _held(
+def _held_inputs(
     driven: StructuredArray, interval_us: int, robot: RobotType
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return times (c,) and inputs (c, m), each in effect until the next."""

@@ -6,10 +6,10 @@ from typing import Any
 
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.predictors.lifted import LiftedPrediction
-from koopman_lab.predictors.predictor import OfTheState
+from koopman_lab.predictors.predictor import StatePrediction
 
 
-class KoopmanPrediction(OfTheState):
+class KoopmanPrediction(StatePrediction):
     """A bilinear Koopman surrogate; see :class:`~.predictor.PredictionModel`.
 
     Parameters

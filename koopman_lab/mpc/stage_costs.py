@@ -1,4 +1,4 @@
-"""Stage costs (paper, section 3.3).
+"""The stage costs of the predictive controller (paper, section 3.3).
 
 A stage cost is written once for NumPy and CasADi: it only indexes its arguments and multiplies
 and adds what it finds. States and inputs come components first, so that whole trajectories of
@@ -9,15 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.costs import COSTS, Cost, weighs_states
-from koopman_lab.config.schema import Controller
-from koopman_lab.errors import ConfigError
 from koopman_lab.koopman.dictionary import Dictionary
 from koopman_lab.predictors.predictor import PredictionModel
 from koopman_lab.robots.robot_type import RobotType
@@ -154,8 +151,8 @@ class QuadraticInObservables:
         Where they are propagated without reprojection, they are not those of any state.
         """
         goal = self.dictionary.lift(np.zeros(self.dictionary.state_dim)).tolist()
-        off = [psi[index] - wanted for index, wanted in enumerate(goal)]
-        return Quadratic(self.q, self.r)(off, u, parameters)
+        deviation = [psi[index] - value for index, value in enumerate(goal)]
+        return Quadratic(self.q, self.r)(deviation, u, parameters)
 
 
 def mixed_exponents(
@@ -183,108 +180,6 @@ def quadratic_in_observables(
     return QuadraticInObservables(observables, q, r)
 
 
-class StageWeights(NamedTuple):
-    """Weights of a stage cost.
-
-    Attributes
-    ----------
-    names
-        Of what q weighs: states, or observables.
-    q, r
-        One for each of the names, and one for each input.
-    """
-
-    names: tuple[str, ...]
-    q: Sequence[float]
-    r: Sequence[float]
-
-
-def stage_cost(
-    settings: Controller, robot: RobotType, observables: Dictionary | None = None
-) -> StageCost:
-    """Return the stage cost a configuration asks for.
-
-    Parameters
-    ----------
-    settings, robot, observables
-        See :func:`stage_weights`.
-
-    Raises
-    ------
-    ConfigError, PluginError
-        See :func:`stage_weights`.
-    """
-    row = COSTS.get(settings.cost)
-    weights = stage_weights(settings, robot, observables)
-    build = COSTS.load(row.name, row.factory)
-    cost: StageCost = build(weights.q, weights.r, robot, observables)
-    return cost
-
-
-def stage_weights(
-    settings: Controller, robot: RobotType, observables: Dictionary | None = None
-) -> StageWeights:
-    """Return the weights of the cost that a configuration asks for.
-
-    Parameters
-    ----------
-    settings
-        Name and weights; where it has none, the cost itself may.
-    robot
-        Whose states and inputs are weighted.
-    observables
-        The dictionary, for a cost of observables.
-
-    Raises
-    ------
-    ConfigError
-        If there are no weights for it, or not as many as it weighs states or observables, and
-        inputs.
-    PluginError
-        If it is another package's, and cannot be used.
-    """
-    row = COSTS.get(settings.cost)
-    q, r = _given(row, settings, robot)
-    names, owner, what, hint = robot.state_names, f"the {robot.name} robot", "states", ""
-    if row.weighs == "observables":
-        dictionary = _required(row, observables)
-        names, owner, what = dictionary.names, f"the dictionary {dictionary.name}", "observables"
-        q, hint = q if len(q) > 1 else tuple(q) * len(names), "one weight for all of them, or "
-    for key, weights, of, count, each, more in (
-        ("q", q, owner, what, names, hint),
-        ("r", r, f"the {robot.name} robot", "inputs", robot.input_names, ""),
-    ):
-        if len(weights) != len(each):
-            raise ConfigError(
-                f"controller.weights.{row.name}.{key} has {len(weights)} weights, {of} has "
-                f"{len(each)} {count}; give {more}one for each of {', '.join(each)}"
-            )
-    return StageWeights(names, q, r)
-
-
-def _given(
-    row: Cost, settings: Controller, robot: RobotType
-) -> tuple[Sequence[float], Sequence[float]]:
-    weights = settings.weights.get(row.name)
-    if weights is not None:
-        return weights.q, weights.r
-    if row.weights is None:
-        raise ConfigError(
-            f"controller.weights lacks the cost {row.name!r}; add controller.weights.{row.name} "
-            "with q and r"
-        )
-    return row.weights(robot)
-
-
-def _required(row: Cost, observables: Dictionary | None) -> Dictionary:
-    if observables is None:
-        others = " or ".join(filter(weighs_states, COSTS.own_names()))
-        raise ConfigError(
-            f"controller.cost is {row.name}, which needs a dictionary; choose {others}"
-        )
-    return observables
-
-
 def cost_of(model: PredictionModel, cost: StageCost, s: Any, u: Any, weights: Any) -> Any:
     """Return what a stage costs in what a model propagates.
 
@@ -293,7 +188,7 @@ def cost_of(model: PredictionModel, cost: StageCost, s: Any, u: Any, weights: An
     model
         Says what s is.
     cost
-        Of a state or, where the model propagates them, of observables.
+        Cost of a state or, where the model propagates them, of observables.
     s, u, weights
         CasADi SX (S,), (m,) and as many as the cost's parameters.
     """

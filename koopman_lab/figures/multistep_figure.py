@@ -10,16 +10,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from koopman_lab.data.reference import ReferenceRuns
-from koopman_lab.evaluation.metrics import MEASURES, along, rolling
-from koopman_lab.evaluation.rolling import starts_along
+from koopman_lab.data.reference_runs import ReferenceRuns
+from koopman_lab.evaluation.metrics import MEASURES, errors_over_time, rolling_deviations
+from koopman_lab.evaluation.trajectory_starts import starts_along
 from koopman_lab.evaluation.validation import predictors
 from koopman_lab.figures.canvas import new_figure, save
 from koopman_lab.files import write_csv
 from koopman_lab.predictors.predictor import LearnedModel
 
 COLOURS = ("tab:blue", "tab:red", "black")
-"""With reprojection, without, nominal: those of the paper."""
+"""The paper's colours: with reprojection, without, nominal."""
 FAINTEST = 0.15
 """Opacity of one step; that of the last one is 1."""
 
@@ -45,13 +45,16 @@ def multi_step(
     starts = starts_along(trajectories, steps, model.dt_s, runs.config.mocap.rate_hz)
     return {
         p.label: MultiStep(
-            p.reprojection, *along(rolling(p.predict, starts, model.robot), starts, model.dt_s)
+            p.reprojection,
+            *errors_over_time(
+                rolling_deviations(p.predict, starts, model.robot), starts, model.dt_s
+            ),
         )
         for p in predictors({name: model})
     }
 
 
-def draw_multi_step(stem: Path, found: Mapping[str, MultiStep], title: str) -> None:
+def draw_multi_step(stem: Path, curves: Mapping[str, MultiStep], title: str) -> None:
     """Write ``stem.pdf``, ``stem.png`` and the numbers as ``stem.csv``.
 
     Opacity grows with the number of steps. As in the paper, the largest errors are shown without
@@ -62,19 +65,19 @@ def draw_multi_step(stem: Path, found: Mapping[str, MultiStep], title: str) -> N
     ----------
     stem
         Path without ending.
-    found
+    curves
         From :func:`multi_step`.
     title
-        Says of what.
+        Title, which says what the errors are of.
     """
-    measured = next(iter(found.values())).mean.shape[2]
+    measured = next(iter(curves.values())).mean.shape[2]
     figure = new_figure(width=12.0, height=2.4 * measured + 0.8)
     for k, (left, right) in enumerate(figure.subplots(measured, 2, sharex=True)):
         name, _, factor, unit = MEASURES[k]
-        for (label, of), colour in zip(found.items(), COLOURS, strict=True):
-            _draw_steps(left, of.time_s, factor * of.mean[:, :, k], colour, label)
-            if of.reprojection is not False:
-                _draw_steps(right, of.time_s, factor * of.largest[:, :, k], colour, label)
+        for (label, curve), colour in zip(curves.items(), COLOURS, strict=True):
+            _draw_steps(left, curve.time_s, factor * curve.mean[:, :, k], colour, label)
+            if curve.reprojection is not False:
+                _draw_steps(right, curve.time_s, factor * curve.largest[:, :, k], colour, label)
         left.set(ylabel=f"{name} ({unit})", title="averaged over runs" if k == 0 else None)
         right.set(title="largest of all runs" if k == 0 else None)
         for axes in (left, right):
@@ -88,7 +91,7 @@ def draw_multi_step(stem: Path, found: Mapping[str, MultiStep], title: str) -> N
     save(figure, stem)
     columns = [measure.column for measure in MEASURES[:measured]]
     columns = [f"{m}_{name}" for m in ("mean", "largest") for name in columns]
-    write_csv(stem.with_suffix(".csv"), ("predictor", "steps", "time_s", *columns), _lines(found))
+    write_csv(stem.with_suffix(".csv"), ("predictor", "steps", "time_s", *columns), _lines(curves))
 
 
 def _draw_steps(
@@ -105,11 +108,11 @@ def _draw_steps(
         axes.plot(time_s, values[:, k], color=colour, alpha=opacity, linewidth=0.6, label=last)
 
 
-def _lines(found: Mapping[str, MultiStep]) -> Sequence[Sequence[object]]:
+def _lines(curves: Mapping[str, MultiStep]) -> Sequence[Sequence[object]]:
     return [
-        (label, k + 1, t, *of.mean[i, k].tolist(), *of.largest[i, k].tolist())
-        for label, of in found.items()
-        for k in range(of.mean.shape[1])
-        for i, t in enumerate(of.time_s.tolist())
-        if np.isfinite(of.mean[i, k, 0])
+        (label, k + 1, t, *curve.mean[i, k].tolist(), *curve.largest[i, k].tolist())
+        for label, curve in curves.items()
+        for k in range(curve.mean.shape[1])
+        for i, t in enumerate(curve.time_s.tolist())
+        if np.isfinite(curve.mean[i, k, 0])
     ]

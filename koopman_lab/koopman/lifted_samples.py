@@ -46,12 +46,12 @@ class Samples(NamedTuple):
     parts: tuple[Array, ...]
     segments: NDArray[np.int64]
 
-    def only(self, rows: NDArray[np.intp]) -> Samples:
+    def select(self, rows: NDArray[np.intp]) -> Samples:
         """Return these rows."""
         return Samples(tuple(part[rows] for part in self.parts), self.segments[rows])
 
 
-def samples(
+def lifted_samples(
     dataset: DataSet, index: int, dictionary: Dictionary, estimator: Estimator = "plain"
 ) -> Samples:
     """Return the lifted samples under a basis input.
@@ -95,6 +95,6 @@ def lag_us(dataset: DataSet) -> int:
     return round((2 * reach + 1) * US_PER_S / float(rate_hz))
 
 
-def add_samples(moments: Moments, of: Samples) -> None:
-    """Put samples to the moments."""
-    moments.add(*of.parts, segments=len(np.unique(of.segments)))
+def add_samples(moments: Moments, samples: Samples) -> None:
+    """Take the samples into the moments."""
+    moments.add(*samples.parts, segments=len(np.unique(samples.segments)))

@@ -19,8 +19,9 @@ from koopman_lab.errors import DataError
 from koopman_lab.evaluation.heldout import errors, held_out_runs, split
 from koopman_lab.evaluation.metrics import Errors
 from koopman_lab.koopman.bilinear_model import BilinearModel
-from koopman_lab.koopman.samples import Estimator
-from koopman_lab.koopman.train import Method, train
+from koopman_lab.koopman.lifted_samples import Estimator
+from koopman_lab.koopman.trainer import train
+from koopman_lab.koopman.training_report import Method
 from koopman_lab.robots.table import ROBOTS, robot_type
 
 STEPS = 20
@@ -100,11 +101,11 @@ def sweep(
     log
         A calibration session of a robot whose state holds its speeds.
     windows
-        In frames.
+        Lengths of the window in frames.
     dictionary
-        By name.
+        Name of the dictionary.
     estimators
-        Of :mod:`koopman_lab.koopman.samples`.
+        Estimators of :mod:`koopman_lab.koopman.lifted_samples`.
 
     Raises
     ------
@@ -113,21 +114,22 @@ def sweep(
     """
     config = log.config()
     if not robot_type(config.robot.kind).speeds_at:
-        others = " or ".join(robot.name for robot in ROBOTS if robot.speeds_at)
+        kinds_with_speeds = " or ".join(robot.name for robot in ROBOTS if robot.speeds_at)
         raise DataError(
-            f"{log.path}: the {config.robot.kind} robot has no velocities among its states, so no "
-            f"window changes its fit; give a session of `klab calibrate --robot {others}`"
+            f"{log.path}: the {config.robot.kind} robot has no velocities among its states, so "
+            "no window changes its fit; give a session of "
+            f"`klab calibrate --robot {kinds_with_speeds}`"
         )
-    whole = DataSet.from_log(log, config)
-    runs = held_out_runs(whole)
-    _, held = split(whole, runs)
+    full = DataSet.from_log(log, config)
+    runs = held_out_runs(full)
+    _, held_out = split(full, runs)
     for window in windows:
         dataset = DataSet.from_log(log, config, window=window)
         pairs = sum(map(len, dataset.X.values()))
-        rest = split(dataset, runs)[0]
+        training = split(dataset, runs)[0]
         for estimator in estimators:
             try:
-                model, report = train(rest, dictionary, Method(estimator))
+                model, report = train(training, dictionary, Method(estimator))
             except DataError as error:
                 yield SweepRow(window, pairs, estimator, refused=str(error))
                 continue
@@ -139,8 +141,8 @@ def sweep(
                 _values(model, known_entries(config, model.dictionary.names)),
                 max(b.constant_residual for b in report.bases),
                 max(b.excitation.condition for b in report.bases if b.excitation),
-                errors(model, held, 1),
-                errors(model, held, STEPS),
+                errors(model, held_out, 1),
+                errors(model, held_out, STEPS),
             )
 
 

@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from koopman_lab.figures.canvas import new_figure, save
 
 MARKS = 12
-"""Evenly spaced in time, the same in both plots, as in the paper's figures."""
+"""Number of marks, evenly spaced in time and the same in both plots, as in the paper's figures."""
 ARROW_M = 0.05
 
 
 class Curve(NamedTuple):
-    """One run.
+    """The path and the value function of one run.
 
     Attributes
     ----------
     label
-        Of the legend; there is none for a single run.
+        Name in the legend, which a single run does not have.
     time_s
         Time of each step (N,).
     poses
@@ -45,7 +45,7 @@ def draw_paths(stem: Path, curves: Sequence[Curve], *, deviation: bool = False) 
     stem
         Path without ending.
     curves
-        At least one.
+        At least one run.
     deviation
         Whether |x2| is drawn as well, as for the paper's lab runs.
     """

@@ -24,27 +24,27 @@ def deviations_mm(rows: Sequence[dict[str, Any]]) -> dict[str, NDArray[np.float6
 
     A run that failed did not come to the goal: it counts as infinitely far.
     """
-    found: dict[str, list[float]] = {}
+    by_case: dict[str, list[float]] = {}
     for row in rows:
         x2_m = row["x2_m"]
-        found.setdefault(row["case"], []).append(np.inf if x2_m is None else 1e3 * abs(x2_m))
-    return {case: np.sort(np.array(ends)) for case, ends in found.items()}
+        by_case.setdefault(row["case"], []).append(np.inf if x2_m is None else 1e3 * abs(x2_m))
+    return {case: np.sort(np.array(values)) for case, values in by_case.items()}
 
 
-def table(rows: Sequence[dict[str, Any]], labels: Sequence[str]) -> Iterator[list[Any]]:
+def deviation_table(rows: Sequence[dict[str, Any]], labels: Sequence[str]) -> Iterator[list[Any]]:
     """Yield a line of :data:`COLUMNS` for each label.
 
     A percentile is the smallest deviation that so many of the runs do not exceed.
     """
-    ends = deviations_mm(rows)
+    final_mm = deviations_mm(rows)
     for label in labels:
-        of, mine = ends[label], [row for row in rows if row["case"] == label]
+        deviations, case_rows = final_mm[label], [row for row in rows if row["case"] == label]
         yield [
             label,
-            len(of),
-            sum(row["reason"] is not None for row in mine),
-            sum(row["unsolved"] or 0 for row in mine),
-            *np.percentile(of, PERCENTILES, method="inverted_cdf").tolist(),
-            float(of[-1]),
-            *(float(np.mean(of < limit)) for limit in LIMITS_MM),
+            len(deviations),
+            sum(row["reason"] is not None for row in case_rows),
+            sum(row["unsolved"] or 0 for row in case_rows),
+            *np.percentile(deviations, PERCENTILES, method="inverted_cdf").tolist(),
+            float(deviations[-1]),
+            *(float(np.mean(deviations < limit)) for limit in LIMITS_MM),
         ]

@@ -1,4 +1,4 @@
-"""Responses of the motor loop."""
+"""Figure of the motor loop's responses to set-points."""
 
 from __future__ import annotations
 

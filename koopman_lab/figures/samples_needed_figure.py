@@ -1,4 +1,4 @@
-"""How many samples a fit needs."""
+"""Figure of how many samples a fit needs: its errors against their number."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def draw_needed(stem: Path, rows: Sequence[NeededRow]) -> None:
     stem
         Path without ending.
     rows
-        From :func:`~koopman_lab.evaluation.samples_needed.needed`.
+        From :func:`~koopman_lab.evaluation.samples_needed.errors_by_count`.
     """
     figure = new_figure(width=9.0, height=3.6)
     left, right = figure.subplots(1, 2)
     for number, method in enumerate(dict.fromkeys(row.method for row in rows)):
-        of = [row for row in rows if row.method == method]
+        method_rows = [row for row in rows if row.method == method]
         for axes, factor, name in ((left, 1e3, "position_m"), (right, 180 / np.pi, "angle_rad")):
-            known = [(row.count, getattr(row, name)) for row in of if getattr(row, name)]
+            known = [(row.count, getattr(row, name)) for row in method_rows if getattr(row, name)]
             if not known:
                 continue
             counts = [count for count, _ in known]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from datetime import datetime, timezone
 from importlib.metadata import version
 from pathlib import Path
@@ -16,75 +16,17 @@ from numpy.typing import NDArray
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.source import window_of
 from koopman_lab.errors import DataError
+from koopman_lab.koopman.basis_fit import fit_all
 from koopman_lab.koopman.bilinear_model import BilinearModel
-from koopman_lab.koopman.combination import PAPER, Combination
-from koopman_lab.koopman.defects import Defects, defects
+from koopman_lab.koopman.defects import defects
 from koopman_lab.koopman.dictionary import Dictionary, dictionary
-from koopman_lab.koopman.excitation import Excitation, excitation
-from koopman_lab.koopman.fit import Fit, fit_moments
+from koopman_lab.koopman.lifted_samples import add_samples, lifted_samples
 from koopman_lab.koopman.moments import Moments
-from koopman_lab.koopman.samples import Estimator, Samples, add_samples, samples
-from koopman_lab.koopman.symmetry import equivariant_basis
+from koopman_lab.koopman.training_report import Method, TrainingReport
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]
 INPUTS = "basis inputs"
-
-
-@dataclass(frozen=True)
-class Method:
-    """How a model is fitted.
-
-    Attributes
-    ----------
-    estimator
-        Least squares, or instrumental variables (:mod:`koopman_lab.koopman.samples`).
-    ridge
-        Weight of a pull towards the identity (:func:`koopman_lab.koopman.fit.fit_moments`).
-    symmetric
-        Whether only models that commute with planar motions are fitted
-        (:mod:`koopman_lab.koopman.symmetry`).
-    combination
-        Of the inputs (:mod:`koopman_lab.koopman.combination`).
-    """
-
-    estimator: Estimator = "plain"
-    ridge: float = 0.0
-    symmetric: bool = False
-    combination: Combination = PAPER
-
-
-@dataclass(frozen=True)
-class BasisReport:
-    """What was learned for one basis input; ``None`` where the matrix follows from theory.
-
-    ``weakest_instrument`` is None without instruments.
-    """
-
-    basis_index: int
-    basis_input: tuple[float, ...]
-    excitation: Excitation | None
-    constant_residual: float
-    residual_rms: dict[str, float]
-    weakest_instrument: float | None = None
-
-
-@dataclass(frozen=True)
-class TrainingReport:
-    """Everything ``klab train`` prints; ``defects`` is None for robots without a turn in place."""
-
-    robot: str
-    dictionary: str
-    dt_s: float
-    window: int | None
-    method: Method
-    data_hash: str
-    bases: tuple[BasisReport, ...]
-    defects: Defects | None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the report as JSON can hold it."""
-        return asdict(self)
 
 
 class Trainer:
@@ -103,12 +45,12 @@ class Trainer:
     """
 
     def __init__(self, observables: str | Dictionary, method: Method | None = None) -> None:
-        self._wanted = observables
+        self._requested = observables
         self._method = method or Method()
         self._first: dict[str, Any] | None = None
         self._dictionary: Dictionary | None = None
         self._moments: dict[int, Moments] = {}
-        self._made: dict[str, Any] = {}
+        self._data_metadata: dict[str, Any] = {}
         self._sources: list[dict[str, Any]] = []
 
     def add(self, dataset: DataSet) -> None:
@@ -122,23 +64,26 @@ class Trainer:
             If the data set was taken with other inputs, sampling time, window or robot than the
             first one, is one taken in before, or does not say what the estimator needs.
         """
-        own = self._begin(dataset)
+        observables = self._dictionary_for(dataset)
         data_hash = dataset.data_hash
         if any(source["data_hash"] == data_hash for source in self._sources):
             raise DataError(
                 "the same data were given twice and would count twice; name each session once"
             )
         for index in dataset.X:
-            add_samples(self._moments[index], samples(dataset, index, own, self._method.estimator))
-        self._made = self._made or _without_place(dataset.metadata)
+            add_samples(
+                self._moments[index],
+                lifted_samples(dataset, index, observables, self._method.estimator),
+            )
+        self._data_metadata = self._data_metadata or _without_folder(dataset.metadata)
         starts = [times.min() for times in dataset.start_us.values() if len(times)]
-        began = min(starts, default=0) / US_PER_S
+        start_s = min(starts, default=0) / US_PER_S
         self._sources.append(
             {
                 "data_hash": data_hash,
                 "pairs": {str(index): len(x) for index, x in sorted(dataset.X.items())},
-                "recorded_utc": datetime.fromtimestamp(began, timezone.utc).isoformat()
-                if began
+                "recorded_utc": datetime.fromtimestamp(start_s, timezone.utc).isoformat()
+                if start_s
                 else None,
             }
         )
@@ -153,16 +98,18 @@ class Trainer:
         ModelError
             If the dictionary cannot be symmetric, or the generators cannot be combined.
         """
-        first, own = self._first, self._dictionary
-        if first is None or own is None:
+        first, observables = self._first, self._dictionary
+        if first is None or observables is None:
             raise DataError("no data set to train with; record one with `klab calibrate`")
-        matrices, basis_inputs, reports = fit_all(own, first[INPUTS], self._moments, self._method)
+        matrices, basis_inputs, reports = fit_all(
+            observables, first[INPUTS], self._moments, self._method
+        )
         model = BilinearModel(
-            own, matrices, basis_inputs, first["dt_s"], {}, self._method.combination
+            observables, matrices, basis_inputs, first["dt_s"], {}, self._method.combination
         )
         report = TrainingReport(
             robot=first["robot"],
-            dictionary=own.name,
+            dictionary=observables.name,
             dt_s=first["dt_s"],
             window=first["window"],
             method=self._method,
@@ -172,22 +119,22 @@ class Trainer:
         )
         metadata = {
             "training": report.as_dict(),
-            "data": self._made,
+            "data": self._data_metadata,
             "sources": self._sources,
             "versions": {name: version(name) for name in ("koopman-lab", "numpy", "scipy")},
         }
         return replace(model, metadata=metadata), report
 
-    def _begin(self, dataset: DataSet) -> Dictionary:
+    def _dictionary_for(self, dataset: DataSet) -> Dictionary:
         if self._first is None or self._dictionary is None:
-            self._dictionary = resolve(self._wanted, dataset)
+            self._dictionary = resolve(self._requested, dataset)
             instruments = self._method.estimator == "iv"
             self._moments = {
                 index: Moments(self._dictionary.size, instruments=instruments)
                 for index in dataset.basis_inputs
             }
-            self._first = _facts(dataset)
-        other = _facts(dataset)
+            self._first = _common_facts(dataset)
+        other = _common_facts(dataset)
         for name, value in self._first.items():
             if other[name] != value:
                 raise DataError(
@@ -229,7 +176,7 @@ def train(
     return trainer.result()
 
 
-def resolve(wanted: str | Dictionary, dataset: DataSet) -> Dictionary:
+def resolve(requested: str | Dictionary, dataset: DataSet) -> Dictionary:
     """Return the dictionary for a data set.
 
     Raises
@@ -240,81 +187,21 @@ def resolve(wanted: str | Dictionary, dataset: DataSet) -> Dictionary:
         If the data set cannot give a model of it.
     """
     kind = dataset.robot_kind
-    own = dictionary(wanted, kind) if isinstance(wanted, str) else wanted
-    if own.kind != kind:
+    observables = dictionary(requested, kind) if isinstance(requested, str) else requested
+    if observables.kind != kind:
         raise DataError(
-            f"dictionary {own.name} is for the {own.kind} robot, the data are of the {kind} one; "
-            "choose another dictionary"
+            f"dictionary {observables.name} is for the {observables.kind} robot, the data are of "
+            f"the {kind} one; choose another dictionary"
         )
     if dataset.robot.drifts and 0 not in dataset.basis_inputs:
         raise DataError(
             f"data set of the {kind} robot without basis input u_0: its drift cannot be learned; "
             f"record a session with {dataset.robot.input_dim + 1} sampler.basis_inputs"
         )
-    return own
+    return observables
 
 
-def fit_all(
-    own: Dictionary,
-    given: Mapping[int, Sequence[float]],
-    moments: Mapping[int, Moments],
-    method: Method,
-) -> tuple[Array, Array, list[BasisReport]]:
-    """Return M_i (m + 1, M, M), u_i (m + 1, m), and what was learned for each.
-
-    Raises
-    ------
-    DataError, ModelError
-        As :func:`fit_basis`.
-    """
-    inputs = {0: (0.0,) * own.robot.input_dim} | {i: tuple(map(float, u)) for i, u in given.items()}
-    matrices, reports = [], []
-    for index, u in sorted(inputs.items()):
-        if index not in moments:
-            # Only u_0 of a robot without drift can be missing.
-            matrices.append(np.eye(own.size))
-            reports.append(BasisReport(index, u, None, 0.0, {}))
-            continue
-        fit = fit_basis(moments[index], index, own, method)
-        matrices.append(fit.matrix)
-        rms = dict(zip(own.names, fit.residual_rms.tolist(), strict=True))
-        found = excitation(moments[index])
-        reports.append(
-            BasisReport(index, u, found, fit.constant_residual, rms, fit.weakest_instrument)
-        )
-    return np.array(matrices), np.array([u for _, u in sorted(inputs.items())]), reports
-
-
-def fit_basis(moments: Moments, index: int, own: Dictionary, method: Method) -> Fit:
-    """Fit the matrix of one basis input.
-
-    Raises
-    ------
-    DataError
-        If the samples do not excite what is to be fitted.
-    ModelError
-        If the dictionary cannot be symmetric.
-    """
-    if method.symmetric:
-        if not moments.samples:
-            excitation(moments).require_full_rank(index, own)
-        basis = equivariant_basis(own)
-        try:
-            return fit_moments(moments, ridge=method.ridge, basis=basis)
-        except DataError as error:
-            raise DataError(f"basis input {index}: {error}") from None
-    excitation(moments).require_full_rank(index, own)
-    return fit_moments(moments, ridge=method.ridge)
-
-
-def moments_of(own: Dictionary, of: Samples) -> Moments:
-    """Return the moments of samples."""
-    moments = Moments(own.size, instruments=len(of.parts) == 3)
-    add_samples(moments, of)
-    return moments
-
-
-def _without_place(metadata: Mapping[str, Any]) -> dict[str, Any]:
+def _without_folder(metadata: Mapping[str, Any]) -> dict[str, Any]:
     """Return metadata with the name of the source only: a model must not hang on where it lay."""
     source = metadata.get("source")
     if not source:
@@ -322,7 +209,7 @@ def _without_place(metadata: Mapping[str, Any]) -> dict[str, Any]:
     return dict(metadata) | {"source": dict(source) | {"file": Path(source["file"]).name}}
 
 
-def _facts(dataset: DataSet) -> dict[str, Any]:
+def _common_facts(dataset: DataSet) -> dict[str, Any]:
     return {
         "robot": dataset.robot_kind,
         "dt_s": dataset.dt_s,

@@ -2,7 +2,7 @@
 
 The choices of every command, of ``controller.cost`` and of the keys of ``controller.weights``
 derive from it. It stands here because the configuration asks it for names; the costs themselves are
-in `koopman_lab.mpc.costs`.
+in `koopman_lab.mpc.stage_costs`.
 
 Another package adds one by an entry point of the group ``koopman_lab.costs``, whose name is what a
 person types and whose value a :class:`Cost`::
@@ -14,7 +14,7 @@ person types and whose value a :class:`Cost`::
     HUBER = Cost("huber", "my_package.cost:Huber", weights=lambda robot: (Q, R))
 
 Its factory takes the weights q and r, the robot and its dictionary, None where there is none, and
-returns a :class:`~koopman_lab.mpc.costs.StageCost`. `klab park --cost huber` parks with it.
+returns a :class:`~koopman_lab.mpc.stage_costs.StageCost`. `klab park --cost huber` parks with it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from koopman_lab.robots.robot_type import RobotType
 
 @dataclass(frozen=True)
 class Cost:
-    """One row.
+    """One stage cost.
 
     Attributes
     ----------
@@ -61,13 +61,15 @@ COSTS: Registry[Cost] = Registry(
     {
         row.name: row
         for row in (
-            Cost("me", "koopman_lab.mpc.costs:mixed_exponents"),
-            Cost("ce", "koopman_lab.mpc.costs:quadratic"),
-            Cost("ds", "koopman_lab.mpc.costs:quadratic_in_observables", weighs="observables"),
+            Cost("me", "koopman_lab.mpc.stage_costs:mixed_exponents"),
+            Cost("ce", "koopman_lab.mpc.stage_costs:quadratic"),
+            Cost(
+                "ds", "koopman_lab.mpc.stage_costs:quadratic_in_observables", weighs="observables"
+            ),
         )
     },
 )
-"""Our own are those of the paper's section 3.3."""
+"""The built-in costs are those of the paper's section 3.3."""
 
 
 def known_cost(name: str) -> str:
@@ -86,5 +88,5 @@ def known_cost(name: str) -> str:
 
 def weighs_states(name: str) -> bool:
     """Return whether our own cost of a name weighs states; what others weigh they say later."""
-    row = COSTS.own(name)
+    row = COSTS.builtin_row(name)
     return row is not None and row.weighs == "states"

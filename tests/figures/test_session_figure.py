@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from koopman_lab.data.decode import SessionLog
-from koopman_lab.figures.session import draw_session, pieces, session_plot
+from koopman_lab.figures.session_figure import draw_session, pieces, session_plot
 
 REFERENCE = Path(__file__).parents[1] / "data" / "reference"
 
@@ -16,7 +16,7 @@ def test_path_speeds_and_commands_are_drawn_and_their_numbers_written(tmp_path):
     draw_session(tmp_path / "plot", shown)
     assert (tmp_path / "plot.pdf").read_bytes().startswith(b"%PDF")
     assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
-    for part, table in shown._asdict().items():
+    for part, table in zip(("path", "measured", "wanted", "commands"), shown, strict=True):
         with (tmp_path / f"plot-{part}.csv").open() as file:
             columns, *rows = csv.reader(file)
         assert tuple(columns) == table.columns

@@ -5,11 +5,11 @@ from __future__ import annotations
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.emulation.faults import NO_EFFECTS, Faults
 from onboard.plant.counters import Counters, Counts
-from onboard.plant.driver import Driver
+from onboard.plant.driver_watchdog import DriverWatchdog
 from onboard.plant.plant import Plant
 
 
-class Hardware:
+class FaultyPlant:
     """Motor drivers with a watchdog of their own, and faults on demand; times are those of the bus.
 
     Parameters
@@ -29,19 +29,19 @@ class Hardware:
         """What is wrong at the time to which the plant was last advanced."""
         self._plant = plant
         self._counters = Counters()
-        self._driver = Driver(simulation.plant.motor.command_timeout_s)
+        self._watchdog = DriverWatchdog(simulation.plant.motor.command_timeout_s)
 
     def drive(self, left_duty: float, right_duty: float, now_us: int) -> None:
         """Apply motor duties from now on."""
         self.advance(now_us)
-        self._driver.hear(now_us)
+        self._watchdog.hear(now_us)
         self._plant.drive(left_duty, right_duty)
 
     def advance(self, now_us: int) -> int:
         """Take the plant to ``now_us``; return where it is, since it never runs backwards."""
         plant = self._plant
-        if now_us >= self._driver.due_us:
-            plant.advance(self._driver.brake())
+        if now_us >= self._watchdog.due_us:
+            plant.advance(self._watchdog.brake())
             plant.drive(0.0, 0.0)
         at_us = plant.advance(now_us)
         if now_us >= self.faults.change_us:
@@ -51,5 +51,5 @@ class Hardware:
         return at_us
 
     def encoder_counts(self) -> Counts:
-        """Return what both counters show."""
+        """Return what both encoder counters show."""
         return self._counters.read(self._plant.encoder_counts(), self.effects.encoder_stuck)

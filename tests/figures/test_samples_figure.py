@@ -10,7 +10,7 @@ from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.recording import recording
 from koopman_lab.data.segments import Run, Segment
 from koopman_lab.errors import DataError
-from koopman_lab.figures.samples import draw_samples, samples, smoothed
+from koopman_lab.figures.samples_figure import draw_samples, shown_inputs, smoothed
 from koopman_lab.robots.table import robot_type
 
 RATE_HZ = 240.0
@@ -44,10 +44,10 @@ def recorded(request, tmp_path_factory):
 
 
 def test_every_run_and_every_window_is_shown(recorded, tmp_path):
-    shown = samples(recorded, (10, 40))
+    shown = shown_inputs(recorded, (10, 40))
     assert [part.basis_index for part in shown] == list(recorded.config.sampler.indexed_inputs)
     for part in shown:
-        own = recorded.of(part.basis_index)
+        own = recorded.segments_of(part.basis_index)
         assert [run for run, _ in part.paths] == [s.run.number for s in own]
         # A point each 50 ms: the path of a second has twenty.
         assert {len(path) for _, path in part.paths} == {20}
@@ -68,4 +68,4 @@ def test_every_run_and_every_window_is_shown(recorded, tmp_path):
 
 def test_a_window_wider_than_every_segment_is_refused(recorded):
     with pytest.raises(DataError, match=r"session\.lcm: .* has 2\d\d frames, a window of 500"):
-        samples(recorded, (10, 500))
+        shown_inputs(recorded, (10, 500))

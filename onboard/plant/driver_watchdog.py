@@ -1,4 +1,4 @@
-"""The motor drivers' own watchdog."""
+"""The watchdog of the simulated motor drivers, which brake when commands stop coming."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from koopman_lab.units import US_PER_S
 
 
-class Driver:
+class DriverWatchdog:
     """Notices that the onboard program is gone: then nobody else could stop the motors.
 
     Parameters

@@ -21,23 +21,23 @@ from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]
 WINDOWS = (10, 30, 40, 50, 100)
-"""Those of the paper."""
+"""The windows of the paper's figure."""
 COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple", "tab:brown")
-"""Of u_0, u_1, u_2 and so on, in turn."""
+"""Colours of u_0, u_1, u_2 and so on, in turn."""
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class ShownInput:
     """What the figure shows of one basis input.
 
     Attributes
     ----------
     basis_index, u
-        Which input, in the units of the robot's inputs.
+        Index and value of the input, in the units of the robot's inputs.
     paths
         By run, positions (k, 2) in m, a sampling time apart.
     shown_run
-        Whose velocities are shown: the longest segment.
+        Number of the run whose velocities are shown: that of the longest segment.
     velocities
         By window: rows of time since the segment began (s), v (m/s), omega (rad/s), (k, 3).
     """
@@ -49,7 +49,7 @@ class Samples:
     velocities: dict[int, Array]
 
 
-def samples(recorded: Recording, windows: Sequence[int] = WINDOWS) -> list[Samples]:
+def shown_inputs(recorded: Recording, windows: Sequence[int] = WINDOWS) -> list[ShownInput]:
     """Return what the figure shows, a basis input each.
 
     Parameters
@@ -57,7 +57,7 @@ def samples(recorded: Recording, windows: Sequence[int] = WINDOWS) -> list[Sampl
     recorded
         A calibration session.
     windows
-        Of the moving average, in frames.
+        Lengths of the moving average in frames.
 
     Raises
     ------
@@ -66,9 +66,9 @@ def samples(recorded: Recording, windows: Sequence[int] = WINDOWS) -> list[Sampl
     """
     frames = recorded.config.mocap.rate_hz * recorded.settings.dt_s
     every = max(1, round(frames))
-    found = []
+    shown_by_input = []
     for index, u in recorded.config.sampler.indexed_inputs.items():
-        segments = recorded.of(index)
+        segments = recorded.segments_of(index)
         shown = max(segments, key=lambda s: len(s.poses), default=None)
         longest = 0 if shown is None else len(shown.poses)
         needed = 3 + 2 * margin(max(windows))
@@ -80,8 +80,8 @@ def samples(recorded: Recording, windows: Sequence[int] = WINDOWS) -> list[Sampl
             )
         paths = [(s.run.number, s.poses[::every, :2]) for s in segments]
         velocities = {window: smoothed(shown, window) for window in windows}
-        found.append(Samples(index, u, paths, shown.run.number, velocities))
-    return found
+        shown_by_input.append(ShownInput(index, u, paths, shown.run.number, velocities))
+    return shown_by_input
 
 
 def smoothed(segment: Segment, window: int) -> Array:
@@ -94,7 +94,7 @@ def smoothed(segment: Segment, window: int) -> Array:
     return np.column_stack([times / US_PER_S, velocities[:, 0], velocities[:, 2]])
 
 
-def draw_samples(stem: Path, shown: Sequence[Samples], robot: RobotType) -> None:
+def draw_samples(stem: Path, shown: Sequence[ShownInput], robot: RobotType) -> None:
     """Write ``stem.pdf``, ``stem.png``, and the numbers as two CSV files.
 
     ``stem-positions.csv`` holds run, x1, x2 by basis input, ``stem-velocities.csv`` the velocities
@@ -105,9 +105,9 @@ def draw_samples(stem: Path, shown: Sequence[Samples], robot: RobotType) -> None
     stem
         Path without ending.
     shown
-        From :func:`samples`; a row of the figure each.
+        From :func:`shown_inputs`; a row of the figure each.
     robot
-        Whose inputs.
+        The robot whose inputs these are.
     """
     figure = new_figure(width=11.0, height=2.7 * len(shown))
     rows = figure.subplots(len(shown), 3, squeeze=False)
@@ -120,7 +120,8 @@ def draw_samples(stem: Path, shown: Sequence[Samples], robot: RobotType) -> None
                 linewidth=0.6,
             )
         u = ", ".join(
-            f"{value:g} {of.unit}" for value, of in zip(part.u, robot.inputs, strict=True)
+            f"{value:g} {quantity.unit}"
+            for value, quantity in zip(part.u, robot.inputs, strict=True)
         )
         plane.set(xlabel="$x_1$ (m)", ylabel="$x_2$ (m)", title=f"$u_{part.basis_index}$ = ({u})")
         plane.set_aspect("equal", adjustable="datalim")
@@ -140,7 +141,7 @@ def draw_samples(stem: Path, shown: Sequence[Samples], robot: RobotType) -> None
         for run, path in part.paths
         for point in path.tolist()
     ]
-    write_csv(_beside(stem, "positions"), ("basis_index", "run", "x1_m", "x2_m"), positions)
+    write_csv(_csv_path(stem, "positions"), ("basis_index", "run", "x1_m", "x2_m"), positions)
     velocities = [
         (part.basis_index, part.shown_run, window, *row)
         for part in shown
@@ -148,7 +149,7 @@ def draw_samples(stem: Path, shown: Sequence[Samples], robot: RobotType) -> None
         for row in values.tolist()
     ]
     columns = ("basis_index", "run", "window", "time_s", "v_m_per_s", "omega_rad_per_s")
-    write_csv(_beside(stem, "velocities"), columns, velocities)
+    write_csv(_csv_path(stem, "velocities"), columns, velocities)
 
 
 def _draw_velocities(axes: Axes, velocities: Mapping[int, Array], column: int) -> None:
@@ -159,5 +160,5 @@ def _draw_velocities(axes: Axes, velocities: Mapping[int, Array], column: int) -
     axes.grid(visible=True)
 
 
-def _beside(stem: Path, what: str) -> Path:
+def _csv_path(stem: Path, what: str) -> Path:
     return stem.with_name(f"{stem.with_suffix('').name}-{what}.csv")

@@ -11,14 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from koopman_lab.bus.channels import (
-    ABOARD,
-    COMMANDER,
-    OPERATOR,
-    SUPERVISOR,
-    Channel,
-    all_channels,
-)
+from koopman_lab.bus.channel import ABOARD, COMMANDER, OPERATOR, SUPERVISOR, Channel
+from koopman_lab.bus.channels import all_channels
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node, Port
 from koopman_lab.bus.processes import STANDING, commanders
@@ -31,7 +25,7 @@ from koopman_lab.replay.recorded_process import RecordedProcess
 from koopman_lab.units import US_PER_S
 
 PLACES = (*STANDING, COMMANDER, OPERATOR, SUPERVISOR)
-"""Who acts when, at equal times."""
+"""Publishers in the order in which they act at equal times."""
 LOGGER = PLACES.index("logger")
 
 
@@ -69,14 +63,14 @@ def place_of(publisher: str) -> int:
 
 def outputs_of(node_name: str) -> list[Channel[Any]]:
     """Return the channels that a node speaks on."""
-    mine: set[str] = {node_name}
+    publishers: set[str] = {node_name}
     if node_name in commanders():
-        mine.add(COMMANDER)
-    return [channel for channel in all_channels() if channel.publisher in mine]
+        publishers.add(COMMANDER)
+    return [channel for channel in all_channels() if channel.publisher in publishers]
 
 
-class _Nobody:
-    """Holds a place."""
+class _Placeholder:
+    """A node that says nothing, so that the others keep their places."""
 
     name = ""
 
@@ -87,11 +81,11 @@ class _Nobody:
         """Nothing is held."""
 
 
-class _Collector(_Nobody):
+class _Collector(_Placeholder):
     """Takes what the node sends, in the logger's place."""
 
     def __init__(self, channels: Sequence[Channel[Any]]) -> None:
-        self.heard: list[Output] = []
+        self.outputs: list[Output] = []
         self._channels = channels
 
     def attach(self, port: Port) -> None:
@@ -100,7 +94,7 @@ class _Collector(_Nobody):
             port.subscribe_raw(channel, self._on_message)
 
     def _on_message(self, name: str, data: bytes, arrived_us: int) -> None:
-        self.heard.append(Output(arrived_us, name, data))
+        self.outputs.append(Output(arrived_us, name, data))
 
 
 def rerun(
@@ -119,7 +113,7 @@ def rerun(
     config
         The lab of the record.
     events
-        Of a log, in the order they were written; at least one.
+        Events of a log, in the order they were written; at least one.
     process
         From :func:`~koopman_lab.replay.recorded_process.recorded_process`.
     on_progress
@@ -130,17 +124,17 @@ def rerun(
     LogError
         If messages that the node listens to cannot be read.
     """
-    mine = outputs_of(node.name)
-    names = {channel.name(config.robot.name) for channel in mine}
-    collector = _Collector(mine)
+    outputs = outputs_of(node.name)
+    names = {channel.name(config.robot.name) for channel in outputs}
+    collector = _Collector(outputs)
     lab = Lockstep(config, process.start_us, process.process)
-    here = place_of(node.name)
+    node_place = place_of(node.name)
     board = emulated_board(config) if node.name == ABOARD and process.simulated else None
     for place in range(len(PLACES)):
-        if place == here:
+        if place == node_place:
             lab.add(node, board)
         else:
-            lab.add(collector if place == LOGGER else _Nobody())
+            lab.add(collector if place == LOGGER else _Placeholder())
     unreadable = unreadable_channels(config, events)
     require_readable(lab.routes.keys() - names, unreadable)
     places = {c.name(config.robot.name): place_of(c.publisher) for c in all_channels()}
@@ -161,7 +155,7 @@ def rerun(
         lab.close()
     compared = names - unreadable.keys()
     recorded = [Output(e.timestamp_us, e.channel, e.data) for e in events if e.channel in compared]
-    again = [output for output in collector.heard if output.name in compared]
+    again = [output for output in collector.outputs if output.name in compared]
     return Rerun(recorded, again, end_us, unreadable)
 
 

@@ -27,6 +27,8 @@ JUMP_M = 0.2
 """No robot drives so far between two frames: it was placed anew, or not seen for a while."""
 STANDING_M = 0.02
 """What has a smaller extent is a robot that waits, with noise."""
+TABLES = ("path", "measured", "wanted", "commands")
+"""End the names of the files of numbers, in the order of the tables of a plot."""
 
 
 class Shown(NamedTuple):
@@ -49,7 +51,7 @@ class SessionPlot(NamedTuple):
 
     path: Shown
     measured: Shown
-    wanted: Shown
+    set_points: Shown
     commands: Shown
 
 
@@ -82,10 +84,10 @@ def session_plot(log: SessionLog) -> SessionPlot:
     speeds = "v_m_per_s", "omega_rad_per_s"
     set_points = "v_setpoint_m_per_s", "omega_setpoint_rad_per_s"
     commanded = [robot for robot in ROBOTS if robot.command is not None]
-    told = [log.array(command_channel(robot), needed=False) for robot in commanded]
-    most = max(range(len(told)), key=lambda k: len(told[k]))
-    commands = table(told[most], *commanded[most].commanded().fields)
-    labels = tuple(u.label for u in commanded[most].inputs)
+    commands_by_robot = [log.array(command_channel(robot), needed=False) for robot in commanded]
+    busiest = max(range(len(commands_by_robot)), key=lambda k: len(commands_by_robot[k]))
+    commands = table(commands_by_robot[busiest], *commanded[busiest].commanded().fields)
+    labels = tuple(u.label for u in commanded[busiest].inputs)
     return SessionPlot(
         table(frames, "x1_m", "x2_m", "theta_rad"),
         table(log.array(WHEEL_STATE, needed=False), *speeds),
@@ -132,16 +134,18 @@ def draw_session(stem: Path, shown: SessionPlot) -> None:
     for k, name in ((1, "v (m/s)"), (2, "ω (rad/s)")):
         axes = figure.add_subplot(grid[k - 1, 1])
         axes.plot(shown.measured.rows[:, 0], shown.measured.rows[:, k], color="tab:blue")
-        axes.plot(shown.wanted.rows[:, 0], shown.wanted.rows[:, k], "--", color="tab:orange")
+        axes.plot(
+            shown.set_points.rows[:, 0], shown.set_points.rows[:, k], "--", color="tab:orange"
+        )
         axes.set(xlabel="time (s)", ylabel=name, title="measured, set-point dashed")
     for k, label in enumerate(shown.commands.labels, start=1):
-        told = figure.add_subplot(grid[k - 1, 2])
-        told.step(
+        inputs_axes = figure.add_subplot(grid[k - 1, 2])
+        inputs_axes.step(
             shown.commands.rows[:, 0], shown.commands.rows[:, k], where="post", color="tab:orange"
         )
-        told.set(xlabel="time (s)", ylabel=label, title="commanded")
+        inputs_axes.set(xlabel="time (s)", ylabel=label, title="commanded")
     for axes in figure.axes:
         axes.grid(visible=True)
     save(figure, stem)
-    for name, table in shown._asdict().items():
+    for name, table in zip(TABLES, shown, strict=True):
         write_csv(stem.with_name(f"{stem.name}-{name}.csv"), table.columns, table.rows.tolist())

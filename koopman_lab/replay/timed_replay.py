@@ -17,7 +17,7 @@ LARGEST_PAUSE_S = 60.0
 REPORT_PERIOD_S = 0.2
 
 
-class Replayed(NamedTuple):
+class ReplayResult(NamedTuple):
     """How a replay went.
 
     Attributes
@@ -59,7 +59,7 @@ def replay(
     bus: lcm.LCM,
     speed: float,
     on_progress: Callable[[float], None],
-) -> Replayed:
+) -> ReplayResult:
     """Send every event, bytes unchanged, ``due_us / speed`` after the first.
 
     Deadlines are absolute, so that lateness never adds up.
@@ -80,10 +80,10 @@ def replay(
     BusError
         If the bus refuses an event.
     """
-    begun_s = report_s = time.monotonic()
+    start_s = report_s = time.monotonic()
     latest_s = 0.0
     for event, due in zip(events, due_us, strict=True):
-        deadline_s = begun_s + due / US_PER_S / speed
+        deadline_s = start_s + due / US_PER_S / speed
         while (wait_s := deadline_s - time.monotonic()) > 0.0:
             if wait_s > REPORT_PERIOD_S:
                 on_progress(due / US_PER_S - wait_s * speed)
@@ -100,4 +100,4 @@ def replay(
             report_s = deadline_s + REPORT_PERIOD_S
             on_progress(due / US_PER_S)
     on_progress(due_us[-1] / US_PER_S if due_us else 0.0)
-    return Replayed(len(events), time.monotonic() - begun_s, latest_s)
+    return ReplayResult(len(events), time.monotonic() - start_s, latest_s)

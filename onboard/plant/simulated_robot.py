@@ -12,7 +12,7 @@ from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.emulation.faults import fault_of
 from koopman_lab.geometry.planar import PlainPose, Pose
-from onboard.plant.hardware import Hardware
+from onboard.plant.faulty_plant import FaultyPlant
 from onboard.plant.plant import Plant
 
 
@@ -41,7 +41,7 @@ class SimulatedRobot:
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
         self._port = port
-        self._hardware = Hardware(self._config, self.plant, port.now_us())
+        self._faulty_plant = FaultyPlant(self._config, self.plant, port.now_us())
         port.subscribe(channels.FAULT, self._on_fault)
         port.subscribe(channels.MOTOR_CMD, self._on_motor_command)
         port.subscribe(channels.PLANT_RESET, self._on_reset)
@@ -56,26 +56,26 @@ class SimulatedRobot:
 
         It is what :class:`onboard.plant.cameras.node.Scene` says.
         """
-        hardware = self._hardware
-        return hardware.advance(now_us), self.plant.coordinates, hardware.effects.occluded
+        faulty_plant = self._faulty_plant
+        return faulty_plant.advance(now_us), self.plant.coordinates, faulty_plant.effects.occluded
 
     def _on_motor_command(self, message: lcmtypes.motor_command_t) -> None:
-        self._hardware.drive(message.left_duty, message.right_duty, self._port.now_us())
+        self._faulty_plant.drive(message.left_duty, message.right_duty, self._port.now_us())
 
     def _on_fault(self, message: lcmtypes.fault_t) -> None:
         fault = fault_of(message)
         if fault is not None:
-            self._hardware.faults.inject(fault, self._port.now_us())
+            self._faulty_plant.faults.inject(fault, self._port.now_us())
 
     def _on_reset(self, message: lcmtypes.plant_reset_t) -> None:
-        self._hardware.advance(self._port.now_us())
+        self._faulty_plant.advance(self._port.now_us())
         self.plant.place(Pose(message.x1_m, message.x2_m, message.theta_rad))
 
     def _on_encoder_tick(self, tick_us: int) -> None:
-        utime = self._hardware.advance(tick_us)
+        utime = self._faulty_plant.advance(tick_us)
         encoder = self._encoder
         encoder.utime = utime
-        encoder.left_count, encoder.right_count = self._hardware.encoder_counts()
+        encoder.left_count, encoder.right_count = self._faulty_plant.encoder_counts()
         encoder.battery_v = self.plant.battery_v()
         self._port.publish(channels.ENCODER, encoder)
         self._send_truth(utime)
@@ -87,5 +87,5 @@ class SimulatedRobot:
         truth.utime = utime
         truth.x1_m, truth.x2_m, truth.theta_rad = self.plant.coordinates
         truth.v_m_per_s, truth.omega_rad_per_s = self.plant.body_velocity()
-        truth.faults = self._hardware.effects.kinds
+        truth.faults = self._faulty_plant.effects.kinds
         self._port.publish(channels.PLANT_TRUTH, truth)

@@ -1,4 +1,4 @@
-"""Errors of models against how far ahead they predict."""
+"""Figure of models' errors against how far ahead they predict."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def draw_validation(stem: Path, validations: Sequence[Validation]) -> None:
     for row, session in zip(rows, sessions, strict=True):
         for axes, (name, factor, label) in zip(row, MEASURES, strict=True):
             for v in (v for v in validations if v.session == session):
-                found = [e for e in v.errors if e is not None]
+                known = [e for e in v.errors if e is not None]
                 axes.plot(
-                    [e.steps for e in found],
-                    [factor * getattr(e, name) for e in found],
+                    [e.steps for e in known],
+                    [factor * getattr(e, name) for e in known],
                     "--" if v.reprojection is False else "-",
                     color=colours[v.model],
                     label=v.label,

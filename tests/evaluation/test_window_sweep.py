@@ -8,8 +8,8 @@ from synthetic_session import Session
 
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.errors import DataError
-from koopman_lab.evaluation.sweep import known_entries, sweep
-from koopman_lab.figures.sweep import draw_sweep
+from koopman_lab.evaluation.window_sweep import known_entries, sweep
+from koopman_lab.figures.window_sweep_figure import draw_sweep
 
 NOISE_RAD = 2e-4
 

@@ -6,17 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from koopman_lab.config.costs import COSTS, Cost
+from koopman_lab.config.cost_table import COSTS, Cost
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ConfigError
 from koopman_lab.koopman.dictionary import dictionary
-from koopman_lab.mpc.costs import (
-    MixedExponents,
-    Quadratic,
-    QuadraticInObservables,
-    stage_cost,
-    stage_weights,
-)
+from koopman_lab.mpc.configured_cost import stage_cost, stage_weights
+from koopman_lab.mpc.stage_costs import MixedExponents, Quadratic, QuadraticInObservables
 from koopman_lab.robots import nominal_model as robots
 
 KINEMATIC = MixedExponents((1.0, 5.0, 0.1), (0.5, 0.05), robots.KINEMATIC.sideways)
@@ -134,7 +129,7 @@ def eager():
     )
     COSTS.register(row.name, row)
     yield
-    COSTS.forget(row.name)
+    COSTS.unregister(row.name)
 
 
 @pytest.mark.usefixtures("eager")
