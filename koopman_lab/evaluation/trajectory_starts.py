@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.data.reference_runs import Trajectory, mean_inputs
+from koopman_lab.data.reference_trajectories import Trajectory, mean_inputs
 from koopman_lab.data.segments import LONGEST_STEP
 from koopman_lab.evaluation.metrics import Starts
 from koopman_lab.geometry.planar import wrap_angle
@@ -27,7 +27,7 @@ def starts_along(
     Parameters
     ----------
     trajectories
-        From :func:`~koopman_lab.data.reference_runs.reference_runs`.
+        From :func:`~koopman_lab.data.reference_trajectories.reference_runs`.
     steps
         How far to look ahead.
     dt_s

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from koopman_lab.data.reference_runs import ReferenceRuns
+from koopman_lab.data.reference_trajectories import ReferenceRuns
 from koopman_lab.errors import DataError, ModelError
 from koopman_lab.evaluation.metrics import (
     Errors,

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from koopman_lab.data.reference_runs import ReferenceRuns, Trajectory, mean_inputs
+from koopman_lab.data.reference_trajectories import ReferenceRuns, Trajectory, mean_inputs
 from koopman_lab.evaluation.metrics import MEASURES, errors_over_time, measures, rolling_deviations
 from koopman_lab.evaluation.validation import NOMINAL, common_dt_s, predictors, starts_by_offset
 from koopman_lab.figures.canvas import new_figure, save

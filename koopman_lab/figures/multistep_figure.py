@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from koopman_lab.data.reference_runs import ReferenceRuns
+from koopman_lab.data.reference_trajectories import ReferenceRuns
 from koopman_lab.evaluation.metrics import MEASURES, errors_over_time, rolling_deviations
 from koopman_lab.evaluation.trajectory_starts import starts_along
 from koopman_lab.evaluation.validation import predictors

@@ -5,7 +5,7 @@ import pytest
 from ideal_data import ideal_dataset
 from nominal_runs import DT_S, RATE_HZ, run
 
-from koopman_lab.data.reference_runs import mean_inputs
+from koopman_lab.data.reference_trajectories import mean_inputs
 from koopman_lab.evaluation.metrics import (
     Starts,
     by_model,

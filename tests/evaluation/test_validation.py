@@ -8,7 +8,7 @@ import pytest
 from ideal_data import ideal_dataset
 
 from koopman_lab.config.load import load_config
-from koopman_lab.data.reference_runs import ReferenceRuns
+from koopman_lab.data.reference_trajectories import ReferenceRuns
 from koopman_lab.errors import DataError, ModelError
 from koopman_lab.evaluation.validation import validate
 from koopman_lab.koopman.trainer import train

@@ -9,7 +9,7 @@ from ideal_data import ideal_dataset
 from nominal_runs import DT_S, run
 
 from koopman_lab.config.load import load_config
-from koopman_lab.data.reference_runs import ReferenceRuns
+from koopman_lab.data.reference_trajectories import ReferenceRuns
 from koopman_lab.figures.dictionaries_figure import draw_dictionaries, open_loop
 from koopman_lab.figures.multistep_figure import draw_multi_step, multi_step
 from koopman_lab.geometry.planar import ORIGIN

@@ -11,7 +11,7 @@ from nominal_runs import run
 from prediction_models import exact_d5t
 
 from koopman_lab.config.load import load_config
-from koopman_lab.data.reference_runs import ReferenceRuns
+from koopman_lab.data.reference_trajectories import ReferenceRuns
 from koopman_lab.errors import ModelError
 from koopman_lab.evaluation.heldout import errors
 from koopman_lab.evaluation.validation import predictors, validate

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from koopman_lab.data.reference_runs import Trajectory
+from koopman_lab.data.reference_trajectories import Trajectory
 from koopman_lab.robots.nominal_model import nominal_model
 
 DT_S, RATE_HZ, FRAME_US = 0.05, 240.0, 50_000 / 12

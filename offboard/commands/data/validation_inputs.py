@@ -11,7 +11,7 @@ from offboard.terminal.output import show_passed_over
 
 if TYPE_CHECKING:
     from koopman_lab.data.decode import SessionLog
-    from koopman_lab.data.reference_runs import ReferenceRuns
+    from koopman_lab.data.reference_trajectories import ReferenceRuns
     from koopman_lab.predictors.predictor import LearnedModel
 
 
@@ -39,7 +39,7 @@ def models_and_runs(
         If there is not at least one of both, one cannot be read, or they do not fit together.
     """
     from koopman_lab.data.decode import SessionLog
-    from koopman_lab.data.reference_runs import reference_runs
+    from koopman_lab.data.reference_trajectories import reference_runs
     from koopman_lab.data.source import ENDING
     from koopman_lab.evaluation.validation import common_dt_s, require_robot
     from koopman_lab.predictors.table import load_model

@@ -10,7 +10,7 @@ from koopman_lab.bus.channels import MOCAP_POSE, REFERENCE_STATE, SESSION_INFO
 from koopman_lab.bus.message_values import padded
 from koopman_lab.config.load import dump_config, load_config
 from koopman_lab.data.decode import SessionLog
-from koopman_lab.data.reference_runs import reference_runs
+from koopman_lab.data.reference_trajectories import reference_runs
 from koopman_lab.errors import DataError
 from koopman_lab.evaluation.metrics import by_nominal, per_step, rolling_deviations
 from koopman_lab.evaluation.trajectory_starts import starts_along
