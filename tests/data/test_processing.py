@@ -16,7 +16,8 @@ from koopman_lab.data.processing import (
 from koopman_lab.data.segments import Run, Segment
 from koopman_lab.errors import DataError
 from koopman_lab.geometry.planar import wrap_angle
-from koopman_lab.robots.nominal_model import DYNAMIC, KINEMATIC
+from koopman_lab.robots.dynamic import DYNAMIC
+from koopman_lab.robots.kinematic import KINEMATIC
 from koopman_lab.robots.robot_type import Quantity
 
 RATE = 240.0

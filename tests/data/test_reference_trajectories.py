@@ -16,7 +16,7 @@ from koopman_lab.evaluation.metrics import by_nominal, per_step, rolling_deviati
 from koopman_lab.evaluation.trajectory_starts import starts_along
 from koopman_lab.eventlog.logwriter import EventLogWriter
 from koopman_lab.geometry.planar import ORIGIN, Pose, compose, wrap_angle
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.table import robot_type
 from offboard.reference.shapes import Shape, input_sequence, start_pose
 
 DT_US = 50_000
@@ -31,7 +31,7 @@ class Driven:
     def __init__(self, robot="dynamic", shape=Shape.INFINITY, runs=2):
         self.config = load_config(robot=robot, overrides=["reference.infinity.lap_s=2"])
         self.shape, self.inputs = shape, input_sequence(self.config, shape)
-        self.start = np.zeros(nominal_model(robot).state_dim)
+        self.start = np.zeros(robot_type(robot).state_dim)
         self.start[:3] = start_pose(self.config, shape)
         self.period_us = len(self.inputs) * DT_US + 2 * STAND_US
         self.states = [
@@ -50,7 +50,7 @@ class Driven:
         return state
 
     def _frames(self, runs):
-        model, knots = nominal_model(self.config.robot.kind), [self.start]
+        model, knots = robot_type(self.config.robot.kind), [self.start]
         for u in self.inputs:
             knots.append(model.step(knots[-1], np.array(u), DT_US * 1e-6))
         frames = []

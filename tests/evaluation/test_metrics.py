@@ -18,7 +18,9 @@ from koopman_lab.evaluation.metrics import (
 )
 from koopman_lab.evaluation.trajectory_starts import starts_along
 from koopman_lab.koopman.trainer import train
-from koopman_lab.robots.nominal_model import DYNAMIC, KINEMATIC, nominal_model
+from koopman_lab.robots.dynamic import DYNAMIC
+from koopman_lab.robots.kinematic import KINEMATIC
+from koopman_lab.robots.table import robot_type
 
 
 @pytest.mark.parametrize("kind", ["kinematic", "dynamic"])
@@ -30,7 +32,7 @@ def test_the_nominal_model_has_no_error_on_its_own_trajectories(kind):
     assert len(starts.x0) == 39
     assert starts.inputs[7] == pytest.approx(at_commands.inputs[7:17], abs=1e-12)
     for errors in per_step(
-        rolling_deviations(by_nominal(nominal_model(kind), DT_S), starts, nominal_model(kind))
+        rolling_deviations(by_nominal(robot_type(kind), DT_S), starts, robot_type(kind))
     ):
         assert errors.starts == 40 - errors.steps
         assert errors.position_max_m < 1e-12
@@ -131,7 +133,7 @@ def test_a_surrogate_is_measured_with_and_without_reprojection():
     whole = run("kinematic", steps=1, change=20)
     # Of one input, a basis input, the surrogate is exact in either way.
     fixed = whole._replace(inputs=np.tile([0.2, 0.6], (20, 1)))
-    nominal, x = nominal_model("kinematic"), [np.array([0.1, 0.2, 3.0])]
+    nominal, x = robot_type("kinematic"), [np.array([0.1, 0.2, 3.0])]
     for _ in range(239):
         x.append(nominal.step(x[-1], fixed.inputs[0], 1.0 / RATE_HZ))
     starts = starts_along([fixed._replace(x=np.array(x))], 10, DT_S, RATE_HZ)

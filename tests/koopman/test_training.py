@@ -14,7 +14,7 @@ from koopman_lab.koopman.fit import fit_matrix
 from koopman_lab.koopman.trainer import train
 from koopman_lab.koopman.training_report import Method
 from koopman_lab.predictors.predictor import require_robot
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.table import robot_type
 
 
 def d5t_generator(v, omega):
@@ -96,7 +96,7 @@ def test_prediction_over_a_second_and_symbols(kind, name):
     x0 = np.array([0.4, 0.1, 3.0, 0.2, 0.5])[: model.state_dim]
     path, nominal = model.predict(x0, inputs), [x0]
     for u in inputs:
-        nominal.append(nominal_model(kind).step(nominal[-1], u, 0.05))
+        nominal.append(robot_type(kind).step(nominal[-1], u, 0.05))
     assert np.abs(path - nominal).max() < 0.02
     x, u = ca.SX.sym("x", model.state_dim), ca.SX.sym("u", 2)
     step = ca.Function("step", [x, u], [model.casadi_step()(x, u, ca.DM(model.parameters))])

@@ -11,7 +11,7 @@ from koopman_lab.mpc.disturbance import DisturbanceEstimator, DisturbedPredictio
 from koopman_lab.mpc.receding_horizon import receding_horizon, solver_of
 from koopman_lab.predictors.bilinear_edmd import KoopmanPrediction
 from koopman_lab.predictors.nominal import NominalPrediction
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.table import robot_type
 from koopman_lab.studies.closed_loop import closed_loop
 
 ON = "controller.offset_free.enabled=true"
@@ -55,7 +55,7 @@ def test_the_compiled_and_the_written_out_problem_take_the_same_disturbance():
         solver.disturb(np.array([1e-3, -2e-3, 3e-3]))
         x0, guess = np.array([-0.3, 0.1, 0.2]), np.full((20, 2), 0.1)
         plans.append(solver.solve(x0, guess))
-        one = nominal_model("kinematic").step(x0, guess[0], 0.05) + np.array([1e-3, -2e-3, 3e-3])
+        one = robot_type("kinematic").step(x0, guess[0], 0.05) + np.array([1e-3, -2e-3, 3e-3])
         np.testing.assert_allclose(solver.rollout.advance(x0, guess[0]), one, atol=1e-12)
         np.testing.assert_allclose(solver.rollout(x0, guess)[0][1], one, atol=1e-12)
     np.testing.assert_allclose(plans[0].inputs, plans[1].inputs, atol=1e-4)

@@ -17,7 +17,6 @@ from koopman_lab.predictors.lifted import LiftedPrediction
 from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.dynamic import DYNAMIC
 from koopman_lab.robots.kinematic import KINEMATIC
-from koopman_lab.robots.nominal_model import nominal_model
 from koopman_lab.robots.table import robot_type
 
 STARTS = {
@@ -73,7 +72,7 @@ def test_a_plan_obeys_the_bounds_the_model_and_the_cost(solvers, robot, x0):
     assert plan.inputs.shape == (settings.horizon, 2)
     assert np.all(np.abs(plan.inputs) <= settings.u_max)
     np.testing.assert_array_equal(plan.states[0], x0)
-    followed = nominal_model(robot).step(plan.states[:-1], plan.inputs, settings.dt_s)
+    followed = robot_type(robot).step(plan.states[:-1], plan.inputs, settings.dt_s)
     np.testing.assert_allclose(plan.states[1:], followed, atol=1e-8)
     cost, no_input = stage_cost(settings, robot_type(robot)), np.zeros(2)
     stages = sum(cost(x, u) for x, u in zip(plan.states, plan.inputs, strict=False))

@@ -10,7 +10,7 @@ from koopman_lab.mpc.receding_horizon import RecedingHorizon, receding_horizon
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Plan, make_solver
 from koopman_lab.predictors.nominal import NominalPrediction
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.table import robot_type
 
 PARALLEL = np.array([0.0, 0.5, 0.0])
 LAB_START = np.array([-1.1, -0.53, np.deg2rad(-42.68), 0.0, 0.0])
@@ -45,7 +45,7 @@ def make(robot, script, overrides=(), back_end="ddp"):
     settings = config.controller
     model, cost = (
         NominalPrediction(robot, settings.dt_s),
-        stage_cost(settings, nominal_model(robot)),
+        stage_cost(settings, robot_type(robot)),
     )
     rollout = Rollout(model, cost, settings.horizon)
     solver = ScriptedSolver(
@@ -62,7 +62,7 @@ def nominal_loop(robot, overrides=()):
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
 def test_the_nominal_robot_reaches_the_goal_and_the_value_falls(robot):
     horizon, config = nominal_loop(robot)
-    model, dt_s = nominal_model(robot), config.controller.dt_s
+    model, dt_s = robot_type(robot), config.controller.dt_s
     cost = stage_cost(config.controller, model)
     x, plans = START[robot], []
     for _ in range(200):
@@ -116,7 +116,7 @@ def test_the_first_step_takes_the_best_of_its_starts():
 def test_when_the_solver_fails_the_plan_goes_on_and_ends_at_rest(robot):
     horizon, solver = make(robot, "real", ["controller.horizon=15"])
     dt_s, u_max = 0.05, load_config(robot=robot).controller.u_max
-    model, x = nominal_model(robot), START[robot]
+    model, x = robot_type(robot), START[robot]
     first = horizon.step(x)
     solver.script = "fails"
     x = model.step(x, first.u, dt_s)

@@ -12,13 +12,13 @@ from koopman_lab.errors import ConfigError
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.mpc.configured_cost import stage_cost, stage_weights
 from koopman_lab.mpc.stage_costs import MixedExponents, Quadratic, QuadraticInObservables
-from koopman_lab.robots import nominal_model as robots
+from koopman_lab.robots.table import robot_type
 
-KINEMATIC = MixedExponents((1.0, 5.0, 0.1), (0.5, 0.05), robots.KINEMATIC.sideways)
+KINEMATIC = MixedExponents((1.0, 5.0, 0.1), (0.5, 0.05), robot_type("kinematic").sideways)
 D5T = dictionary("D5t", "kinematic")
 CE = Quadratic((1.0, 5.0, 0.1), (0.5, 0.05))
 DS = QuadraticInObservables(D5T, (9.0, 1.0, 5.0, 0.1, 0.2), (0.5, 0.05))
-DYNAMIC = MixedExponents((1.0, 5.0, 0.1, 0.3, 0.2), (0.01, 0.02), robots.DYNAMIC.sideways)
+DYNAMIC = MixedExponents((1.0, 5.0, 0.1, 0.3, 0.2), (0.01, 0.02), robot_type("dynamic").sideways)
 FINITE = st.floats(-3.0, 3.0)
 
 
@@ -64,8 +64,8 @@ def test_a_weight_of_the_observables_is_for_all_or_each_has_its_own():
         overrides = ["controller.cost=ds", f"controller.weights.ds.q={q}"]
         return load_config(robot="kinematic", overrides=overrides).controller
 
-    assert stage_cost(settings([2.0]), robots.KINEMATIC, D5T).q == (2.0,) * 5
-    assert stage_cost(settings([1, 2, 3, 4, 5]), robots.KINEMATIC, D5T).q == (
+    assert stage_cost(settings([2.0]), robot_type("kinematic"), D5T).q == (2.0,) * 5
+    assert stage_cost(settings([1, 2, 3, 4, 5]), robot_type("kinematic"), D5T).q == (
         1.0,
         2.0,
         3.0,
@@ -73,9 +73,9 @@ def test_a_weight_of_the_observables_is_for_all_or_each_has_its_own():
         5.0,
     )
     with pytest.raises(ConfigError, match=r"has 2 weights.*D5t has 5.*cos\(theta\)"):
-        stage_cost(settings([1.0, 2.0]), robots.KINEMATIC, D5T)
+        stage_cost(settings([1.0, 2.0]), robot_type("kinematic"), D5T)
     with pytest.raises(ConfigError, match="choose me or ce"):
-        stage_cost(settings([1.0]), robots.KINEMATIC)
+        stage_cost(settings([1.0]), robot_type("kinematic"))
 
 
 def test_a_whole_trajectory_is_costed_at_once():
@@ -90,7 +90,7 @@ def test_a_whole_trajectory_is_costed_at_once():
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
 def test_the_configuration_names_the_weights(robot, name):
     settings = load_config(robot=robot, overrides=[f"controller.cost={name}"]).controller
-    cost, weights = stage_cost(settings, robots.nominal_model(robot)), settings.weights[name]
+    cost, weights = stage_cost(settings, robot_type(robot)), settings.weights[name]
     for index, weight in enumerate(weights.q):
         unit = np.eye(len(weights.q))[index]
         assert cost(unit, [0.0, 0.0]) == weight
@@ -103,7 +103,7 @@ def test_the_configuration_names_the_weights(robot, name):
 def test_every_cost_of_the_table_is_zero_at_the_goal_alone_and_the_same_in_symbols(name, robot):
     config = load_config(robot=robot, overrides=[f"controller.cost={name}"])
     observables = dictionary(config.model.dictionary, robot)
-    of, rng = robots.nominal_model(robot), np.random.default_rng(0)
+    of, rng = robot_type(robot), np.random.default_rng(0)
     cost = stage_cost(config.controller, of, observables)
     names, q, r = stage_weights(config.controller, of, observables)
     assert len(cost.parameters) == len(q) + len(r) == len(names) + of.input_dim
@@ -136,19 +136,19 @@ def eager():
 def test_a_cost_of_others_brings_weights_that_the_configuration_may_replace():
     asked = ["controller.cost=eager"]
     settings = load_config(robot="dynamic", overrides=asked).controller
-    cost = stage_cost(settings, robots.DYNAMIC)
+    cost = stage_cost(settings, robot_type("dynamic"))
     assert cost.parameters.tolist() == [2.0] * 5 + [3.0] * 2
     asked.append("controller.weights.eager={q: [1, 2, 3], r: [4, 5]}")
     settings = load_config(robot="kinematic", overrides=asked).controller
-    assert stage_cost(settings, robots.KINEMATIC).parameters.tolist() == [1, 2, 3, 4, 5]
+    assert stage_cost(settings, robot_type("kinematic")).parameters.tolist() == [1, 2, 3, 4, 5]
     # How many it takes it says where it is built; the configuration does not ask it.
     settings = load_config(robot="dynamic", overrides=asked).controller
     with pytest.raises(ConfigError, match=r"weights\.eager\.q has 3 weights, the dynamic robot h"):
-        stage_cost(settings, robots.DYNAMIC)
+        stage_cost(settings, robot_type("dynamic"))
 
 
 def test_a_cost_without_weights_says_where_to_put_them():
     settings = load_config(robot="kinematic").controller
     settings = settings.model_copy(update={"weights": {}})
     with pytest.raises(ConfigError, match=r"add controller\.weights\.me with q and r"):
-        stage_cost(settings, robots.KINEMATIC)
+        stage_cost(settings, robot_type("kinematic"))

@@ -18,7 +18,7 @@ from koopman_lab.predictors.bilinear_edmd import KoopmanPrediction
 from koopman_lab.predictors.lifted import LiftedPrediction
 from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.predictors.table import load_prediction
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.table import robot_type
 
 CONTROLLER = load_config(robot="kinematic").controller
 ANGLE = st.floats(-9.0, 9.0)
@@ -33,7 +33,7 @@ def as_function(model):
 
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
 def test_the_nominal_prediction_is_the_nominal_model(robot):
-    model, prediction = nominal_model(robot), NominalPrediction(robot, 0.05)
+    model, prediction = robot_type(robot), NominalPrediction(robot, 0.05)
     assert (prediction.robot, prediction.state_dim) == (model, model.state_dim)
     step, rng = as_function(prediction), np.random.default_rng(0)
     for _ in range(20):
@@ -95,7 +95,7 @@ def test_the_nominal_robot_parks_with_a_surrogate(reprojection):
     overrides = [f"controller.reprojection={reprojection}"]
     config = load_config(robot="kinematic", overrides=overrides)
     horizon = receding_horizon(KoopmanPrediction(exact_d5t()), config)
-    model, x = nominal_model("kinematic"), np.array([0.0, 0.5, 0.0])
+    model, x = robot_type("kinematic"), np.array([0.0, 0.5, 0.0])
     for _ in range(160):
         decision = horizon.step(x)
         assert decision.solved

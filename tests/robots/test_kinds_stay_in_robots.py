@@ -13,8 +13,6 @@ ROOT = Path(__file__).parents[2]
 PRODUCT = ("koopman_lab", "onboard", "offboard")
 KINDS = ROBOTS.names()
 NAMED = re.compile(rf"--robot[ =]({'|'.join(KINDS)})\b")
-NOT_YET = ("data", "evaluation", "figures", "koopman", "mpc", "studies")
-"""Rooms of the library whose turn comes next."""
 
 
 def sources() -> dict[str, str]:
@@ -30,7 +28,7 @@ def sources() -> dict[str, str]:
     return {
         str(file): (ROOT / file).read_text()
         for file in files
-        if file.parts[1] not in ("robots", *NOT_YET) and (ROOT / file).exists()
+        if file.parts[1] != "robots" and (ROOT / file).exists()
     }
 
 

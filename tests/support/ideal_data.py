@@ -4,12 +4,12 @@ import numpy as np
 
 from koopman_lab.config.load import load_config
 from koopman_lab.data.dataset import DataSet
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.table import robot_type
 
 
 def ideal_dataset(kind, segments=8, steps=40, dt_s=0.05, seed=0, noise=0.0):
     """Return segments under each basis input of the robot's defaults, sampled every ``dt_s``."""
-    rng, model = np.random.default_rng(seed), nominal_model(kind)
+    rng, model = np.random.default_rng(seed), robot_type(kind)
     inputs = load_config(robot=kind).sampler.indexed_inputs
     x_all, y_all, ids, starts = {}, {}, {}, {}
     for index, u in inputs.items():

@@ -3,7 +3,7 @@
 import numpy as np
 
 from koopman_lab.data.reference_trajectories import Trajectory
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.table import robot_type
 
 DT_S, RATE_HZ, FRAME_US = 0.05, 240.0, 50_000 / 12
 
@@ -14,7 +14,7 @@ def run(kind="dynamic", steps=40, offset_us=0, seed=0, number=0, change=None):
     The camera's frames begin ``offset_us`` after the first command; ``change`` keeps the input
     for so many steps.
     """
-    rng, model = np.random.default_rng(seed), nominal_model(kind)
+    rng, model = np.random.default_rng(seed), robot_type(kind)
     largest = np.array([0.2, 0.8] if model.input_dim == 2 else [0.2] * model.input_dim)
     inputs = rng.uniform(-largest, largest, (steps, model.input_dim))
     inputs = np.repeat(inputs, change or 1, axis=0)

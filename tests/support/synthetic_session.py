@@ -10,7 +10,7 @@ from koopman_lab.bus.message_values import padded
 from koopman_lab.config.load import dump_config, load_config
 from koopman_lab.eventlog.logwriter import EventLogWriter
 from koopman_lab.geometry.planar import wrap_angle
-from koopman_lab.robots.nominal_model import nominal_model
+from koopman_lab.robots.table import robot_type
 
 EPOCH_US = 1_700_000_000_000_000
 BASIS, BRAKE = lcmtypes.sampler_state_t.BASIS, lcmtypes.sampler_state_t.BRAKE
@@ -24,7 +24,7 @@ class Session:
             robot=kind,
             overrides=["processing.discard_start_s=0", *overrides],
         )
-        self.model = nominal_model(kind)
+        self.model = robot_type(kind)
         self.dt_us = round(self.config.controller.dt_s * 1e6)
         self.inputs = self.config.sampler.indexed_inputs
         rng = np.random.default_rng(seed)
