@@ -8,6 +8,7 @@ as many processes as there are, while it is recorded by whichever asks first.
 import contextlib
 import fcntl
 import json
+import os
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -118,6 +119,7 @@ class ReadmeRun:
         self._records.mkdir(parents=True, exist_ok=True)
         self.checkout = folder / "checkout"
         once(self._records, "checkout", self._prepare)
+        self._url = once(self._records, "bus", lambda: os.environ["LCM_DEFAULT_URL"])
 
     def line(self, number: int) -> None:
         """See that a line has run, after those that it needs.
@@ -166,6 +168,8 @@ class ReadmeRun:
             self.line(_who_leaves(path, number))
         added = next((o for beginning, o in SHORTER.items() if line.startswith(beginning)), ())
         with pytest.MonkeyPatch.context() as machine, contextlib.ExitStack() as stack:
+            # Of all processes the same: it is among the settings that --resume compares.
+            machine.setenv("LCM_DEFAULT_URL", self._url)
             if begins(line, UNCOMPILED):
                 machine.setenv("CC", "no-compiler")
             if "--dask" in words:
