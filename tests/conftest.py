@@ -14,6 +14,9 @@ from typing import Any
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
+# They start hundreds of processes, each of which would otherwise compile all modules anew.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 _RUN = os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid()))
 _WORKER = os.environ.get("PYTEST_XDIST_WORKER", "main")
 _PORT = 20_000 + zlib.crc32(f"{_RUN} {_WORKER}".encode()) % 10_000

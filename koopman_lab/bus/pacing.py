@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from array import array
 from pathlib import Path
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING, NamedTuple
 
 from koopman_lab.errors import LogError
 from koopman_lab.files import replacing
 from koopman_lab.units import US_PER_S
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike
 
 
 class Pacing(NamedTuple):
@@ -49,6 +50,8 @@ class TickTimes:
 
     def save(self, path: Path) -> None:
         """Write the times as an ``.npy`` file of int64 (N,), whole or not at all."""
+        import numpy as np
+
         with replacing(path) as file:
             np.save(file, np.array(self._times_us, np.int64))
 
@@ -61,6 +64,8 @@ def load_tick_times(path: Path) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     LogError
         If the file is missing or damaged.
     """
+    import numpy as np
+
     try:
         times: np.ndarray[tuple[int], np.dtype[np.int64]] = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError):
@@ -74,6 +79,8 @@ def pacing(times_us: ArrayLike, rate_hz: float) -> Pacing:
     Deadlines are ``1 / rate_hz`` apart and a skipped one is never made up for, so those without a
     tick are known from the length of the record.
     """
+    import numpy as np
+
     times = np.asarray(times_us, np.int64)
     periods_ms = np.diff(times) * 1e-3
     deadlines = 1 + round((times[-1] - times[0]) * rate_hz / US_PER_S)

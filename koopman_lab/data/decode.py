@@ -16,12 +16,10 @@ from koopman_lab.data.message_arrays import StructuredArray, decode_all, decode_
 from koopman_lab.errors import BusError, ConfigError, LogError
 from koopman_lab.eventlog.eventlog import Damage
 from koopman_lab.eventlog.index import index_files
+from koopman_lab.eventlog.log_name import log_file
 from koopman_lab.eventlog.logwriter import files_of_log
 from koopman_lab.eventlog.message_blocks import Messages
 from koopman_lab.units import US_PER_S
-
-LOG_NAME = "session.lcm"
-"""The log of a session folder."""
 
 
 class PassedOver(NamedTuple):
@@ -34,11 +32,6 @@ class PassedOver(NamedTuple):
     file: Path
     damage: tuple[Damage, ...]
     unreadable: dict[str, int]
-
-
-def log_file(path: Path) -> Path:
-    """Return the log that is meant: ``path``, or ``session.lcm`` in it where it is a folder."""
-    return path / LOG_NAME if path.is_dir() else path
 
 
 class SessionLog:

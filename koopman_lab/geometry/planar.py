@@ -6,10 +6,11 @@ A pose is ``(x1, x2, theta)`` in m, m, rad, as in the paper's section 3.1.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 Angle = TypeVar("Angle", float, "NDArray[np.float64]")
 
@@ -42,11 +43,12 @@ REST = Velocity(0.0, 0.0)
 
 def wrap_angle(theta: Angle) -> Angle:
     """Shift an angle (rad; a float or an array) by a multiple of 2 pi into (-pi, pi]."""
-    if isinstance(theta, np.ndarray):
-        wrapped = np.pi - np.mod(np.pi - theta, TAU)
-        return np.where(wrapped <= -np.pi, np.pi, wrapped)
     wrapped = math.pi - (math.pi - theta) % TAU
-    return math.pi if wrapped <= -math.pi else wrapped
+    if isinstance(wrapped, (float, int)):
+        return math.pi if wrapped <= -math.pi else wrapped
+    import numpy as np  # whoever has an array has loaded it
+
+    return np.where(wrapped <= -math.pi, math.pi, wrapped)
 
 
 def compose(frame: Pose, pose: Pose) -> Pose:

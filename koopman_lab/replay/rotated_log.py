@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from koopman_lab.data.decode import log_file
 from koopman_lab.eventlog.eventlog import Damage, Event, read_events
+from koopman_lab.eventlog.log_name import log_file
 from koopman_lab.eventlog.logwriter import files_of_log
 from koopman_lab.eventlog.older_layouts import in_present_layout
 

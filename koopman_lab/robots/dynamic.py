@@ -6,8 +6,6 @@ from importlib import resources
 from math import pi, radians
 from typing import Any
 
-import numpy as np
-
 import lcmtypes
 from koopman_lab.robots.body_drive import BY_ACCELERATIONS
 from koopman_lab.robots.command_message import CommandMessage
@@ -22,6 +20,8 @@ def _components(z: Components, u: Components, dt_s: Any, m: Any) -> Components:
 
 
 def _braking(x: Array, u_max: Array, dt_s: float, steps: int) -> Array:
+    import numpy as np
+
     inputs = np.zeros((steps, len(u_max)))
     speeds = x[3:]
     for u in inputs:
@@ -32,12 +32,16 @@ def _braking(x: Array, u_max: Array, dt_s: float, steps: int) -> Array:
 
 def _effort(horizon: int) -> Array:
     """Return a course that speeds up for half the horizon and slows down again."""
+    import numpy as np
+
     course = np.ones(horizon)
     course[(horizon + 1) // 2 :] *= -1.0
     return course
 
 
 def _turn(omega: float, speed: float) -> tuple[Array, Array]:
+    import numpy as np
+
     return np.array([speed, omega]), np.zeros(2)
 
 

@@ -6,8 +6,6 @@ from importlib import resources
 from math import pi
 from typing import Any
 
-import numpy as np
-
 import lcmtypes
 from koopman_lab.robots.body_drive import BY_VELOCITIES
 from koopman_lab.robots.command_message import CommandMessage
@@ -22,11 +20,22 @@ def _components(x: Components, u: Components, dt_s: Any, m: Any) -> Components:
 
 def _standing(x: Array, u_max: Array, dt_s: float, steps: int) -> Array:
     """Return no input: a robot that is driven by velocities stands at once."""
+    import numpy as np
+
     del x, dt_s
     return np.zeros((steps, len(u_max)))
 
 
+def _effort(horizon: int) -> Array:
+    """Return full effort all the way."""
+    import numpy as np
+
+    return np.ones(horizon)
+
+
 def _turn(omega: float, speed: float) -> tuple[Array, Array]:
+    import numpy as np
+
     del speed
     return np.zeros(0), np.array([0.0, omega])
 
@@ -41,7 +50,7 @@ KINEMATIC = RobotType(
     sideways=(1,),
     speeds_at=(),
     braking=_standing,
-    effort=np.ones,
+    effort=_effort,
     turn=_turn,
     command=CommandMessage(
         "VELOCITY_CMD", lcmtypes.velocity_command_t, ("v_m_per_s", "omega_rad_per_s")

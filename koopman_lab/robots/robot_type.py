@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import lcmtypes
 from koopman_lab.errors import ConfigError, LabStateError
@@ -15,7 +12,14 @@ from koopman_lab.robots.body_drive import BodyDrive
 from koopman_lab.robots.command_message import CommandMessage
 from koopman_lab.robots.standard_runs import StandardRuns
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+else:
+    # Whoever only names a robot, as each command does, has no need to wait for NumPy.
+    Array = Any
 POSE_NAMES = ("x1", "x2", "theta")
 POSE_DIM = len(POSE_NAMES)
 MOST_STATES, MOST_INPUTS = lcmtypes.mpc_state_t.MOST_STATES, lcmtypes.mpc_state_t.MOST_INPUTS
@@ -179,6 +183,8 @@ class RobotType:
 
     def step(self, x: Array, u: Array, dt_s: float) -> Array:
         """Return the successors (..., n) of states ``x`` (..., n) under inputs ``u`` (..., m)."""
+        import numpy as np
+
         x, u = np.asarray(x, float), np.asarray(u, float)
         states = [x[..., i] for i in range(self.state_dim)]
         inputs = [u[..., i] for i in range(self.input_dim)]
@@ -189,6 +195,8 @@ class RobotType:
 
         A state that holds no velocity takes none.
         """
+        import numpy as np
+
         x = np.zeros(self.state_dim)
         x[: len(pose)] = pose
         if velocity is not None and self.speeds_at:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
-
-import numpy as np
 
 from koopman_lab.robots.robot_type import Components
 
-# Gauss-Legendre nodes and weights on [0, 1]. Six points integrate cos and sin of the angle over
-# a control interval to rounding for every turn that the robot can make in it.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
-_QUADRATURE = [
-    (float(0.5 * (1 + n)), float(0.5 * w)) for n, w in zip(_NODES, _WEIGHTS, strict=True)
-]
+
+@cache
+def _quadrature() -> list[tuple[float, float]]:
+    """Return the Gauss-Legendre nodes and weights on [0, 1].
+
+    Six points integrate cos and sin of the angle over a control interval to rounding for every turn
+    that the robot can make in it.
+    """
+    from numpy.polynomial.legendre import leggauss
+
+    nodes, weights = leggauss(6)
+    return [(float(0.5 * (1 + n)), float(0.5 * w)) for n, w in zip(nodes, weights, strict=True)]
 
 
 def roll(pose: Components, speed: Components, change: Components, dt_s: Any, m: Any) -> Components:
@@ -37,7 +42,7 @@ def roll(pose: Components, speed: Components, change: Components, dt_s: Any, m: 
     x1, x2, theta = pose
     v, omega = speed
     a, d_omega = change
-    for node, weight in _QUADRATURE:
+    for node, weight in _quadrature():
         time = node * dt_s
         angle = theta + omega * time + d_omega * (0.5 * time * time)
         distance = (v + a * time) * (weight * dt_s)

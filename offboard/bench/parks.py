@@ -10,7 +10,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from koopman_lab.config.change import changed
@@ -117,6 +116,8 @@ def parks(
 
 def starts(config: LabConfig, count: int) -> list[Pose]:
     """Return random poses at rest, the same for the same seed."""
+    import numpy as np
+
     from koopman_lab.studies.parking import start_box
 
     low, high = np.array(start_box(config)).T
@@ -174,6 +175,8 @@ def park_once(
 
 def summarise(controller: str, ends: Sequence[Park]) -> Row:
     """Return what the ends of several runs have in common."""
+    import numpy as np
+
     sizes = np.abs([end.pose for end in ends]) * [1e3, 1e3, math.degrees(1.0)]
     medians, largest = np.median(sizes, axis=0).tolist(), sizes.max(axis=0).tolist()
     return Row(

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from koopman_lab.config.change import changed
 from koopman_lab.config.load import read_record
 from koopman_lab.errors import ConfigError
-from offboard.desk.results import CalibrationSummary
 from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
 from offboard.terminal.output import err
+
+if TYPE_CHECKING:
+    from offboard.desk.results import CalibrationSummary
 
 
 def calibrate(

@@ -9,7 +9,6 @@ from koopman_lab.config.cost_table import COSTS
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.robots.table import robot_type
 from offboard.commands.park import show
-from offboard.desk.results import ParkSummary
 from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
 from offboard.terminal.choices import name_option
@@ -18,6 +17,7 @@ from offboard.terminal.output import err
 
 if TYPE_CHECKING:
     from koopman_lab.figures.path_figure import Curve
+    from offboard.desk.results import ParkSummary
 
 
 NOMINAL = "nominal"

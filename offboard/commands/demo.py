@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,11 +12,13 @@ from koopman_lab.robots.table import robot_type
 from offboard.commands.calibrate import show as show_session
 from offboard.commands.data.train_model import train_and_report
 from offboard.commands.park import show as show_park
-from offboard.desk.results import ParkSummary
 from offboard.lab.run_folder import new_folder
 from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out
+
+if TYPE_CHECKING:
+    from offboard.desk.results import ParkSummary
 
 SECONDS_PER_SEGMENT = 11.5
 """Measured: klab calibrate --lockstep, either robot."""

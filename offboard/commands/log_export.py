@@ -76,9 +76,9 @@ def export(
 
     Example: klab log export runs/park --format mcap
     """
-    from koopman_lab.data.decode import log_file
     from koopman_lab.data.export import export_csv, export_mcap
     from koopman_lab.eventlog.eventlog import Damage
+    from koopman_lab.eventlog.log_name import log_file
     from koopman_lab.replay.rotated_log import read_rotated_log
 
     damage: list[Damage] = []

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import typer
 
 from koopman_lab.robots.table import robot_type
-from offboard.desk.results import ParkSummary
 from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err
+
+if TYPE_CHECKING:
+    from offboard.desk.results import ParkSummary
 
 
 @needs("desk")

@@ -11,8 +11,8 @@ from typing import Any
 
 from koopman_lab.config.load import dump_config
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.data.decode import LOG_NAME
 from koopman_lab.errors import LabStateError
+from koopman_lab.eventlog.log_name import LOG_NAME
 from koopman_lab.files import write_json, write_text
 
 

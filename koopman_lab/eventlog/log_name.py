@@ -1,0 +1,13 @@
+"""Where the log of a session is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+LOG_NAME = "session.lcm"
+"""The log of a session folder."""
+
+
+def log_file(path: Path) -> Path:
+    """Return the log that is meant: ``path``, or ``session.lcm`` in it where it is a folder."""
+    return path / LOG_NAME if path.is_dir() else path
