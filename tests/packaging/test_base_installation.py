@@ -22,7 +22,7 @@ from offboard.terminal.needs import commands, needs_of
 
 COMMANDS = dict(commands(typer.main.get_command(app)))
 DIRECT = {"lcm", "numpy", "pydantic", "rich", "typer", "yaml"}
-"""The top-level packages that the base is made of, all of which a node imports."""
+"""The top-level packages that the base is made of; a node imports all, NumPy where it counts."""
 BROUGHT = {
     "packaging",  # of the base, too: where plug-ins or extras are looked at
     *("_distutils_hack", "setuptools"),  # Python's own, where it brings them
