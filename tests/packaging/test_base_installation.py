@@ -119,7 +119,7 @@ def test_motor_loop_and_plant_speak_and_import_nothing_of_the_desk(base, ear, tm
             end(node)
     for name in nodes:
         imported = set(json.loads((tmp_path / f"{name}.json").read_text())) - OURS
-        assert imported - BROUGHT == DIRECT, name
+        assert DIRECT - {"numpy"} <= imported - BROUGHT <= DIRECT, name
 
 
 def test_motors_and_cameras_run_apart_and_import_nothing_of_the_desk(base, ear, tmp_path):
@@ -135,7 +135,7 @@ def test_motors_and_cameras_run_apart_and_import_nothing_of_the_desk(base, ear, 
             end(node)
     for name in nodes:
         imported = set(json.loads((tmp_path / f"{name}.json").read_text())) - OURS
-        assert imported - BROUGHT == DIRECT, name
+        assert DIRECT - {"numpy"} <= imported - BROUGHT <= DIRECT, name
 
 
 def end(node):
