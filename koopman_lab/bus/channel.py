@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
 
+from koopman_lab.bus.processes import PROCESSES, Stop, process
 from koopman_lab.bus.replay_guard import Replayed
 
 if TYPE_CHECKING:
@@ -94,6 +95,16 @@ class Channel(Generic[M]):
     def is_command(self) -> bool:
         """Return whether it carries inputs to a robot, whatever its kind."""
         return self.rate == "control" and self.publisher == COMMANDER
+
+    @property
+    def has_one_publisher(self) -> bool:
+        """Return whether one program at a time may speak on it for a robot.
+
+        So it is with what comes from its hardware, its cameras and its board; commanders, persons
+        and loggers may be several.
+        """
+        hardware = (Stop.BOARD, Stop.HARDWARE)
+        return self.publisher in PROCESSES and process(self.publisher).stops in hardware
 
     def rate_hz(self, config: LabConfig) -> float | None:
         """Return the nominal rate, or None for a channel that speaks only on events."""

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from koopman_lab.bus.channel import Channel, M
+from koopman_lab.bus.publishers import StreamIdentity
 
 RawHandler = Callable[[str, bytes, int], None]
 """Called with the channel's full name, the bytes, and the time of arrival in us."""
@@ -48,6 +49,13 @@ class Port(Protocol):
 
     def lost_messages(self) -> dict[str, int]:
         """Return, by channel name, how many messages the sequence numbers show missing."""
+
+    def publishers(self, channel: Channel[M]) -> StreamIdentity:
+        """Return whether one publisher speaks now on a channel that the node listens to.
+
+        :func:`koopman_lab.bus.publishers.identity_faults` says in words what is wrong. A few
+        microseconds: for a tick, not for every message.
+        """
 
     def finish(self) -> None:
         """Tell the runner that this node's work is done."""

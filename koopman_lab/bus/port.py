@@ -11,6 +11,7 @@ import lcmtypes
 from koopman_lab.bus.channel import Channel, M
 from koopman_lab.bus.channels import HEARTBEATS
 from koopman_lab.bus.node import Node, Port, RawHandler, Tick
+from koopman_lab.bus.publishers import StreamIdentity
 from koopman_lab.bus.replay_guard import guard_of
 from koopman_lab.bus.subscription import Deliver, Subscription
 from koopman_lab.config.schema import LabConfig
@@ -181,6 +182,16 @@ class BasePort(ABC):
         return {
             name: subscription.counter.lost for name, subscription in self.subscriptions.items()
         }
+
+    def publishers(self, channel: Channel[M]) -> StreamIdentity:
+        """Return who speaks now on a channel, by its numbers; nobody where it is not listened to.
+
+        One publisher, as it should be, stands for nobody, too.
+        """
+        subscription = self.subscriptions.get(channel.name(self.robot_name))
+        if subscription is None:
+            return StreamIdentity()
+        return subscription.publishers.identity(self.bus_us())
 
     def ticks(self) -> tuple[int, int]:
         """Return ``(run, missed)`` over all timers."""

@@ -7,8 +7,8 @@ from typing import Any
 
 from koopman_lab.bus.header import header_reader
 from koopman_lab.bus.node import RawHandler
+from koopman_lab.bus.publishers import Publishers
 from koopman_lab.bus.replay_guard import ReplayGuard
-from koopman_lab.bus.sequence import SequenceCounter
 
 Deliver = Callable[[bytes, int], None]
 """Called with the bytes of a message and the time in us."""
@@ -32,7 +32,9 @@ class Subscription:
     """
 
     def __init__(self, name: str, message_type: Any) -> None:
-        self.counter = SequenceCounter()
+        self.publishers = Publishers()
+        self.counter = self.publishers.counter
+        self._note_sender = self.publishers.take
         self.undecodable = 0
         """Were no message of the channel's type. Only raw handlers have them."""
         self.raw_handlers: list[RawHandler] = []
@@ -59,7 +61,7 @@ class Subscription:
                 return
             if self.amend is not None:
                 data = self.amend(data, utime)
-            self.counter.update(sequence)
+            self._note_sender(sequence, utime, arrived_us)
         for handle_raw in self.raw_handlers:
             handle_raw(self._name, data, arrived_us)
         if header is None or not self.handlers:

@@ -16,6 +16,9 @@ from koopman_lab.units import US_PER_S
 LARGEST_PAUSE_S = 60.0
 """A longer step between two messages that follow each other is a clock that was set."""
 
+NOBODY = -1
+"""Publisher of a copy, which says nothing new."""
+
 _HEADER = np.dtype([("fingerprint", ">u8"), ("utime", ">i8"), ("sequence", ">i8")])
 
 
@@ -57,7 +60,7 @@ def summary_of(messages: Messages, message_type: Any | None) -> ChannelSummary:
     if headers is not None and len(headers):
         times = headers["utime"].astype(np.int64)
         sequence = headers["sequence"].astype(np.int64)
-        missing, jumps_us = _gap_sizes(sequence), _clock_jumps_us(times, sequence)
+        missing, jumps_us = _gap_sizes(sequence, times), _clock_jumps_us(times, sequence)
     first_us, last_us = int(times.min()), int(times.max())
     span_us = last_us - first_us - jumps_us
     return ChannelSummary(
@@ -94,25 +97,30 @@ def _clock_jumps_us(times: NDArray[np.int64], sequence: NDArray[np.int64]) -> in
     return int(excess[excess > LARGEST_PAUSE_S * US_PER_S].sum())
 
 
-def _gap_sizes(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
+def _gap_sizes(sequence: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the size of each gap, of each publisher on its own if there are several."""
-    sequence = _without_slips(sequence)
+    kept = _no_slips(sequence)
+    sequence, times = sequence[kept], times[kept]
     steps = np.diff(sequence.view(np.uint64))  # as far apart as int64 can be
     if np.all((sequence[1:] > sequence[:-1]) & (steps <= LARGEST_GAP)):
         publishers = [sequence]
     else:
-        publisher_of = _publishers(sequence)
+        publisher_of = _publishers(sequence, times)
         publishers = [np.unique(sequence[publisher_of == k]) for k in range(publisher_of.max() + 1)]
     missing = np.concatenate([np.diff(numbers) for numbers in publishers]) - 1
     return missing[missing > 0]
 
 
-def _publishers(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return whose each message (n,) is, counted from 0."""
+def _publishers(sequence: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return whose each message (n,) is, counted from 0; :data:`NOBODY` where it is a copy."""
     counter, publisher = SequenceCounter(), np.zeros(len(sequence), np.int64)
     split = None
-    for k, number in enumerate(sequence.tolist()):
-        counter.update(number)
+    copies = 0
+    for k, (number, utime) in enumerate(zip(sequence.tolist(), times.tolist(), strict=True)):
+        counter.update(number, utime)
+        if counter.copies != copies:
+            copies, publisher[k] = counter.copies, NOBODY
+            continue
         if counter.newest_split is not None and counter.newest_split is not split:
             split = first, seeming, actual = counter.newest_split
             before = publisher[:k]
@@ -121,8 +129,8 @@ def _publishers(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
     return publisher
 
 
-def _without_slips(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the numbers without single far lower ones between rising neighbours.
+def _no_slips(sequence: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return which numbers are no single far lower ones between rising neighbours.
 
     Such a one is damage, and no publisher that started again, unless numbers next to it are there.
     """
@@ -131,4 +139,4 @@ def _without_slips(sequence: NDArray[np.int64]) -> NDArray[np.int64]:
     has_neighbour = np.isin(current[slips] - 1, sequence) | np.isin(current[slips] + 1, sequence)
     kept = np.ones(len(sequence), bool)
     kept[1 + slips[~has_neighbour]] = False
-    return sequence[kept]
+    return kept

@@ -70,7 +70,7 @@ def recorded_process(node_name: str, config: LabConfig, events: Sequence[Event])
             )
     processes, counter = {beat.pid for _, beat in beats}, SequenceCounter()
     for _, beat in beats:
-        counter.update(beat.sequence)
+        counter.update(beat.sequence, beat.utime)
     starts = max(len(processes), 1 + counter.restarts)
     if starts > 1:
         raise LogError(

@@ -103,7 +103,7 @@ class Stream:
                 return False
             self.utime, sequence = header
             if self._counter is not None:
-                self._counter.update(sequence)
+                self._counter.update(sequence, self.utime)
         self._arrivals[self.count % MOST_ARRIVALS] = arrived_us
         self.count += 1
         self._size, self.heard_us = len(data), arrived_us

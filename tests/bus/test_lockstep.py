@@ -145,4 +145,4 @@ def test_numbers_run_on_while_nobody_listens_and_a_later_listener_hears_the_next
     lockstep.run(0.05)
     assert [utime for _, utime in hearer.heard] == [100_000, 110_000, 120_000, 130_000, 140_000]
     assert hearer.port.lost_messages()["R1_ENCODER"] == 0
-    assert hearer.port.subscriptions["R1_ENCODER"].counter.update(15) == 0
+    assert hearer.port.subscriptions["R1_ENCODER"].counter.update(15, 150_000) == 0

@@ -113,7 +113,7 @@ def test_the_viewer_shows_the_same_as_without_it(story):
 def test_a_number_out_of_all_reach_is_no_loss_and_hides_none(far):
     counter = SequenceCounter()
     for sequence in (10, 11, far, 12, 13, far + (1 if far < 0 else -1), far, 14, 16):
-        counter.update(sequence)
+        counter.update(sequence, utime=sequence)
     assert counter.lost == 1
 
 
