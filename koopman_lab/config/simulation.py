@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from koopman_lab.config.fault_kinds import FAULT_KINDS, FaultKind
 from koopman_lab.config.values import (
     Finite,
     NotNegative,
@@ -63,27 +64,6 @@ class Cameras(Section):
     occlusion_s: SpanFromZero
 
 
-FaultKind = Literal[
-    "occlusion",
-    "encoder_stuck",
-    "motor_stalled",
-    "battery_low",
-    "radio_cut",
-    "burst_loss",
-    "clock_jump",
-]
-FAULT_DETAILS: dict[str, dict[str, Any]] = {
-    "occlusion": {},
-    "encoder_stuck": {"wheel": "both"},
-    "motor_stalled": {"wheel": "both"},
-    "battery_low": {"battery_v": 6.0},
-    "radio_cut": {},
-    "burst_loss": {"loss": 0.5},
-    "clock_jump": {"jump_s": 10.0},
-}
-"""What each kind of fault has besides its duration, and the defaults."""
-
-
 class Fault(Section):
     """Something that goes wrong on demand; details that the kind does not have are None."""
 
@@ -101,12 +81,12 @@ class Fault(Section):
             return values
         known = {key: value for key, value in values.items() if value is not None}
         kind = known.get("kind")
-        return (FAULT_DETAILS.get(kind, {}) if isinstance(kind, str) else {}) | known
+        return {**FAULT_KINDS[kind].details, **known} if kind in tuple(FAULT_KINDS) else known
 
     @model_validator(mode="after")
     def _has_only_its_details(self) -> Fault:
         for detail in ("wheel", "battery_v", "loss", "jump_s"):
-            if getattr(self, detail) is not None and detail not in FAULT_DETAILS[self.kind]:
+            if getattr(self, detail) is not None and detail not in FAULT_KINDS[self.kind].details:
                 raise ValueError(f"{self.kind} has no {detail}")
         return self
 

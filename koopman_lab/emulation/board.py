@@ -15,7 +15,7 @@ from koopman_lab.bus.subscription import Deliver
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.config.simulation import Simulation
 from koopman_lab.emulation.drifting_clock import DriftingClock
-from koopman_lab.emulation.faults import Faults, fault_of
+from koopman_lab.emulation.faults import Faults
 from koopman_lab.emulation.radio import radio_pair
 
 
@@ -109,9 +109,7 @@ class EmulatedBoard:
                 self._port.deliver_at(at_us, receive, data)
 
     def _on_fault(self, message: lcmtypes.fault_t) -> None:
-        fault = fault_of(message)
-        if fault is not None:
-            self._faults.inject(fault, self._port.bus_us())
+        self._faults.obey(message, self._port.bus_us())
 
 
 def emulated_board(config: LabConfig) -> Wrap | None:

@@ -4,46 +4,61 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import NamedTuple, get_args
+from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
 import lcmtypes
-from koopman_lab.config.simulation import FAULT_DETAILS, Fault, FaultKind, PlannedFault
+from koopman_lab.config.fault_kinds import FAULT_KINDS, FaultKind
+from koopman_lab.config.simulation import Fault, PlannedFault
 from koopman_lab.units import US_PER_S
 
-KINDS: tuple[FaultKind, ...] = get_args(FaultKind)
+KINDS: tuple[FaultKind, ...] = tuple(FAULT_KINDS)
 """Kinds of faults, in the order of their numbers in ``fault_t``."""
 WHEELS = ("both", "left", "right")
 """Choices of wheels, in the order of their numbers in ``fault_t``."""
 
 
+_BITS = {kind: 1 << number for number, kind in enumerate(KINDS)}
+_NEITHER = (False, False)
+
+
 class Effects(NamedTuple):
     """What is wrong at one time.
 
+    What has no more to it than being under way is told by :meth:`includes`.
+
     Attributes
     ----------
-    occluded
-        The cameras see no marker.
-    encoder_stuck, motor_stalled
-        Whether the counter stands still, and whether the rotor is locked: (left, right).
+    encoder_stuck, encoder_reversed
+        Whether the counter stands still, and whether it counts backwards: (left, right).
+    motor_stalled, motor_reversed
+        Whether the rotor is locked, and whether it turns backwards: (left, right).
     battery_v
         Terminal voltage in place of the battery's own (V), None if that is as it is.
     loss
         Share of the messages that the radio loses, each way, besides those of its own.
     clock_jump_us
         How far the board's clock is ahead of where it should be (us).
+    camera_clock_us
+        How far the stamps of the cameras are ahead of where they should be (us).
     kinds
         Bit k is set for the kind k of ``fault_t``.
     """
 
-    occluded: bool = False
-    encoder_stuck: tuple[bool, bool] = (False, False)
-    motor_stalled: tuple[bool, bool] = (False, False)
+    encoder_stuck: tuple[bool, bool] = _NEITHER
+    encoder_reversed: tuple[bool, bool] = _NEITHER
+    motor_stalled: tuple[bool, bool] = _NEITHER
+    motor_reversed: tuple[bool, bool] = _NEITHER
     battery_v: float | None = None
     loss: float = 0.0
     clock_jump_us: int = 0
+    camera_clock_us: int = 0
     kinds: int = 0
+
+    def includes(self, kind: FaultKind) -> bool:
+        """Return whether a fault of this kind is under way."""
+        return bool(self.kinds & _BITS[kind])
 
 
 NO_EFFECTS = Effects()
@@ -84,6 +99,12 @@ class Faults:
         self._spans.append(_span(fault, now_us))
         self.change_us = -math.inf
 
+    def obey(self, message: lcmtypes.fault_t, now_us: int) -> None:
+        """Begin the fault that a message asks for; none if the message is not allowed."""
+        fault = fault_of(message)
+        if fault is not None:
+            self.inject(fault, now_us)
+
     def at(self, now_us: int) -> Effects:
         """Return what is wrong at ``now_us``; calls come in order of time.
 
@@ -122,7 +143,7 @@ def fault_of(message: lcmtypes.fault_t) -> Fault | None:
         "loss": message.loss,
         "jump_s": message.jump_s,
     }
-    details = {name: values[name] for name in FAULT_DETAILS[kind]}
+    details = {name: values[name] for name in FAULT_KINDS[kind].details}
     try:
         return Fault.model_validate({"kind": kind, "duration_s": message.duration_s} | details)
     except ValidationError:
@@ -142,20 +163,19 @@ def _combined(faults: Iterable[Fault]) -> Effects:
 
 
 def _with_fault(effects: Effects, fault: Fault) -> Effects:
-    effects = effects._replace(kinds=effects.kinds | 1 << KINDS.index(fault.kind))
-    left, right = fault.wheel in ("left", "both"), fault.wheel in ("right", "both")
-    if fault.kind == "occlusion":
-        return effects._replace(occluded=True)
-    if fault.kind == "encoder_stuck":
-        was_left, was_right = effects.encoder_stuck
-        return effects._replace(encoder_stuck=(was_left or left, was_right or right))
-    if fault.kind == "motor_stalled":
-        was_left, was_right = effects.motor_stalled
-        return effects._replace(motor_stalled=(was_left or left, was_right or right))
+    effects = effects._replace(kinds=effects.kinds | _BITS[fault.kind])
+    jump_us = round((fault.jump_s or 0.0) * US_PER_S)
+    if fault.wheel is not None:
+        # The field has the name of the kind.
+        left, right = getattr(effects, fault.kind)
+        both = left or fault.wheel != "right", right or fault.wheel != "left"
+        field: dict[str, Any] = {fault.kind: both}
+        return effects._replace(**field)
     if fault.kind == "battery_low":
         return effects._replace(battery_v=fault.battery_v)
     if fault.kind == "clock_jump":
-        jump_us = round((fault.jump_s or 0.0) * US_PER_S)
         return effects._replace(clock_jump_us=effects.clock_jump_us + jump_us)
+    if fault.kind == "camera_clock":
+        return effects._replace(camera_clock_us=effects.camera_clock_us + jump_us)
     loss = 1.0 if fault.kind == "radio_cut" else fault.loss or 0.0
     return effects._replace(loss=max(effects.loss, loss))

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from koopman_lab.config.fault_kinds import FAULT_KINDS
 from offboard.terminal import options
+from offboard.terminal.choices import described_argument
 from offboard.terminal.output import err
 
 if TYPE_CHECKING:
@@ -19,16 +21,9 @@ WAIT_S = 0.02
 LASTS_S = 1.0
 
 
-class FaultName(str, Enum):
-    """Choices of the kind."""
-
-    occlusion = "occlusion"
-    encoder_stuck = "encoder-stuck"
-    motor_stalled = "motor-stalled"
-    battery_low = "battery-low"
-    radio_cut = "radio-cut"
-    burst_loss = "burst-loss"
-    clock_jump = "clock-jump"
+KINDS = {kind.replace("_", "-"): kind for kind in FAULT_KINDS}
+"""Each as it is typed, and as it is in the table."""
+ROWS = {typed: FAULT_KINDS[kind].says for typed, kind in KINDS.items()}
 
 
 class WheelName(str, Enum):
@@ -40,14 +35,16 @@ class WheelName(str, Enum):
 
 
 def fault(
-    kind: Annotated[FaultName, typer.Argument(help="What goes wrong.")],
+    kind: Annotated[str, described_argument("fault", ROWS, "What goes wrong; one of those below.")],
     duration_s: Annotated[
         float,
         typer.Option("--duration-s", min=0.0, help="How long; inf: for good; 0 ends it."),
     ] = LASTS_S,
     wheel: Annotated[
         WheelName | None,
-        typer.Option("--wheel", help="encoder-stuck, motor-stalled: which (both)."),
+        typer.Option(
+            "--wheel", help="encoder-stuck or -reversed, motor-stalled or -reversed: which (both)."
+        ),
     ] = None,
     battery_v: Annotated[
         float | None, typer.Option("--battery-v", help="battery-low: at the terminals (6.0).")
@@ -56,7 +53,8 @@ def fault(
         float | None, typer.Option("--loss", help="burst-loss: share of messages each way (0.5).")
     ] = None,
     jump_s: Annotated[
-        float | None, typer.Option("--jump-s", help="clock-jump: how far forward (10).")
+        float | None,
+        typer.Option("--jump-s", help="clock-jump, camera-clock: how far forward (10)."),
     ] = None,
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
@@ -65,7 +63,7 @@ def fault(
 ) -> None:
     """Let something go wrong with the simulated robot now; waits until the plant says so.
 
-    A real robot does not listen.
+    Several faults may be under way at once. A real robot does not listen.
 
     Example: klab fault motor-stalled --wheel left --duration-s 2
     """
@@ -94,13 +92,13 @@ def fault(
     )
 
 
-def _parsed_fault(kind: FaultName, duration_s: float, **details: Any) -> Fault:
+def _parsed_fault(kind: str, duration_s: float, **details: Any) -> Fault:
     from pydantic import ValidationError
 
     from koopman_lab.config.simulation import Fault
     from koopman_lab.errors import ConfigError
 
-    fields = {"kind": kind.name, "duration_s": None if math.isinf(duration_s) else duration_s}
+    fields = {"kind": KINDS[kind], "duration_s": None if math.isinf(duration_s) else duration_s}
     try:
         return Fault.model_validate(fields | details)
     except ValidationError as error:

@@ -1,4 +1,4 @@
-"""Options whose choices are the rows of a table, also of those that other packages add.
+"""Options and arguments whose choices are the rows of a table, also of those that others add.
 
 What there is, is asked only when a person names one or reads the help: the command line starts
 without a look at other packages.
@@ -6,7 +6,7 @@ without a look at other packages.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import typer
@@ -19,6 +19,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 Names = Callable[[], Sequence[str]]
 _NAMES: dict[str, Names] = {}
 """By the word that stands for them until the help is shown."""
+_ROWS: dict[str, Mapping[str, str]] = {}
+"""What names stand for, by the word that stands for these."""
 
 
 def row_option(flag: str, table: Registry[Any], text: str) -> Any:
@@ -57,27 +59,50 @@ def name_option(flag: str, noun: str, names: Names, text: str) -> Any:
     text
         For the help.
     """
+    return _option(flag, noun, names, _one_of(noun, names), text)
 
+
+def described_argument(noun: str, rows: Mapping[str, str], text: str) -> Any:
+    """Return an argument that takes one of some names, which the help explains one by one.
+
+    Parameters
+    ----------
+    noun
+        What a name is of, in words.
+    rows
+        Says of each name what it stands for.
+    text
+        For the help.
+    """
+    choices = _choices(noun, lambda: tuple(rows), _one_of(noun, lambda: tuple(rows)))
+    _ROWS[choices["metavar"]] = rows
+    return typer.Argument(help=text, **choices)
+
+
+def _one_of(noun: str, names: Names) -> Callable[[str], str]:
     def parse(name: str) -> str:
         if name not in names():
             raise ConfigError(unknown_name(noun, name, names()))
         return name
 
-    return _option(flag, noun, names, parse, text)
+    return parse
 
 
 def _option(flag: str, noun: str, names: Names, parse: Callable[[str], str], text: str) -> Any:
-    placeholder = noun.upper().replace(" ", "_")
-    _NAMES[placeholder] = names
+    choices = _choices(noun, names, parse)
+    _NAMES[choices["metavar"]] = names
+    return typer.Option(flag, help=text, **choices)
 
+
+def _choices(noun: str, names: Names, parse: Callable[[str], str]) -> dict[str, Any]:
     def complete(incomplete: str) -> list[str]:
         return [name for name in names() if name.startswith(incomplete)]
 
-    return typer.Option(flag, metavar=placeholder, parser=parse, autocompletion=complete, help=text)
+    return {"metavar": noun.upper().replace(" ", "_"), "parser": parse, "autocompletion": complete}
 
 
 class Command(TyperCommand):
-    """A command whose help lists the choices of :func:`row_option` and :func:`name_option`."""
+    """A command whose help lists the choices of what this module makes."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
@@ -86,6 +111,15 @@ class Command(TyperCommand):
             if names is not None and names():
                 parameter.metavar = f"<{'|'.join(names())}>"
         super().format_help(ctx, formatter)
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write what the names stand for."""
+        super().format_epilog(ctx, formatter)
+        for parameter in self.params:
+            word = getattr(parameter, "metavar", None)
+            if word in _ROWS:
+                with formatter.section(word):
+                    formatter.write_dl(list(_ROWS[word].items()))
 
 
 class Commands(typer.Typer):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.emulation.faults import NO_EFFECTS, Faults
+from koopman_lab.emulation.faults import NO_EFFECTS, Effects, Faults
 from onboard.plant.counters import Counters, Counts
 from onboard.plant.driver_watchdog import DriverWatchdog
 from onboard.plant.plant import Plant
+from onboard.plant.wiring import AS_INTENDED, encoder_wiring, motor_wiring
 
 
 class FaultyPlant:
@@ -27,7 +28,10 @@ class FaultyPlant:
         self.faults = Faults(simulation.faults, start_us)
         self.effects = NO_EFFECTS
         """What is wrong at the time to which the plant was last advanced."""
+        self.occluded = False
+        """Whether somebody stands between the robot and the cameras."""
         self._plant = plant
+        self._motors = self._encoders = AS_INTENDED
         self._counters = Counters()
         self._watchdog = DriverWatchdog(simulation.plant.motor.command_timeout_s)
 
@@ -35,6 +39,8 @@ class FaultyPlant:
         """Apply motor duties from now on."""
         self.advance(now_us)
         self._watchdog.hear(now_us)
+        if self._motors != AS_INTENDED:
+            left_duty, right_duty = self._motors.to_parts(left_duty, right_duty)
         self._plant.drive(left_duty, right_duty)
 
     def advance(self, now_us: int) -> int:
@@ -45,11 +51,16 @@ class FaultyPlant:
             plant.drive(0.0, 0.0)
         at_us = plant.advance(now_us)
         if now_us >= self.faults.change_us:
-            self.effects = self.faults.at(now_us)
-            plant.drives.stall(*self.effects.motor_stalled)
-            plant.drives.feed(self.effects.battery_v)
+            self._feel(self.faults.at(now_us))
         return at_us
 
     def encoder_counts(self) -> Counts:
         """Return what both encoder counters show."""
-        return self._counters.read(self._plant.encoder_counts(), self.effects.encoder_stuck)
+        return self._counters.read(self._plant.encoder_counts(), self._encoders)
+
+    def _feel(self, effects: Effects) -> None:
+        self.effects = effects
+        self.occluded = effects.includes("occlusion")
+        self._motors, self._encoders = motor_wiring(effects), encoder_wiring(effects)
+        self._plant.drives.stall(*effects.motor_stalled)
+        self._plant.drives.feed(effects.battery_v)

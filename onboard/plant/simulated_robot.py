@@ -10,7 +10,6 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.emulation.faults import fault_of
 from koopman_lab.geometry.planar import PlainPose, Pose
 from onboard.plant.faulty_plant import FaultyPlant
 from onboard.plant.plant import Plant
@@ -57,15 +56,13 @@ class SimulatedRobot:
         It is what :class:`onboard.plant.cameras.node.Scene` says.
         """
         faulty_plant = self._faulty_plant
-        return faulty_plant.advance(now_us), self.plant.coordinates, faulty_plant.effects.occluded
+        return faulty_plant.advance(now_us), self.plant.coordinates, faulty_plant.occluded
 
     def _on_motor_command(self, message: lcmtypes.motor_command_t) -> None:
         self._faulty_plant.drive(message.left_duty, message.right_duty, self._port.now_us())
 
     def _on_fault(self, message: lcmtypes.fault_t) -> None:
-        fault = fault_of(message)
-        if fault is not None:
-            self._faulty_plant.faults.inject(fault, self._port.now_us())
+        self._faulty_plant.faults.obey(message, self._port.now_us())
 
     def _on_reset(self, message: lcmtypes.plant_reset_t) -> None:
         self._faulty_plant.advance(self._port.now_us())

@@ -171,6 +171,10 @@ CASES = {
         ("fault", "occlusion", "--robot-name", "R9"),
         ("R9_PLANT_TRUTH is silent", "klab up"),
     ),
+    "fault that there is none of": (
+        ("fault", "motor_revers"),
+        ("unknown fault 'motor_revers', known: occlusion,", "did you mean motor-reversed?"),
+    ),
     "fault with another's detail": (
         ("fault", "occlusion", "--wheel", "left"),
         ("occlusion has no wheel",),

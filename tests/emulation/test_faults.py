@@ -1,10 +1,14 @@
 import math
+from typing import get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from klab import klab_ok
 from pydantic import ValidationError
 
+import lcmtypes
+from koopman_lab.config.fault_kinds import FAULT_KINDS, FaultKind
 from koopman_lab.config.load import dump_config, load_config, parse_config
 from koopman_lab.config.simulation import Fault, PlannedFault
 from koopman_lab.emulation.faults import KINDS, NO_EFFECTS, Faults, fault_message, fault_of
@@ -19,21 +23,56 @@ def planned(kind, at_s, duration_s=None, **details):
 
 def test_a_planned_fault_comes_and_goes_at_its_times():
     faults = Faults([planned("occlusion", 1.0, 0.5)], start_us=2_000_000)
-    seen = {t: faults.at(t).occluded for t in (0, 2_999_999, 3_000_000, 3_499_999, 3_500_000)}
-    assert list(seen.values()) == [False, False, True, True, False]
+    times_us = (0, 2_999_999, 3_000_000, 3_499_999, 3_500_000)
+    seen = [faults.at(t).includes("occlusion") for t in times_us]
+    assert seen == [False, False, True, True, False]
     assert faults.at(9_000_000) is NO_EFFECTS
 
 
-def test_each_kind_has_its_effect_and_its_bit():
-    effects = {kind: Faults([planned(kind, 0.0)], 0).at(0) for kind in KINDS}
-    assert effects["occlusion"].occluded
-    assert effects["encoder_stuck"].encoder_stuck == (True, True)
-    assert effects["motor_stalled"].motor_stalled == (True, True)
-    assert effects["battery_low"].battery_v == 6.0
-    assert effects["radio_cut"].loss == 1.0
-    assert effects["burst_loss"].loss == 0.5
-    assert effects["clock_jump"].clock_jump_us == 10_000_000
-    assert [effects[kind].kinds for kind in KINDS] == [1 << k for k in range(len(KINDS))]
+EFFECTS = {
+    "encoder_stuck": {"encoder_stuck": (True, True)},
+    "motor_stalled": {"motor_stalled": (True, True)},
+    "battery_low": {"battery_v": 6.0},
+    "radio_cut": {"loss": 1.0},
+    "burst_loss": {"loss": 0.5},
+    "clock_jump": {"clock_jump_us": 10_000_000},
+    "encoder_reversed": {"encoder_reversed": (True, True)},
+    "motor_reversed": {"motor_reversed": (True, True)},
+    "camera_clock": {"camera_clock_us": 10_000_000},
+}
+"""What is there of a kind besides its being under way."""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_kind_has_its_effect_and_its_bit_and_no_other(kind):
+    bit = 1 << getattr(lcmtypes.fault_t, kind.upper())
+    effects = Faults([planned(kind, 0.0)], 0).at(0)
+    assert effects == NO_EFFECTS._replace(kinds=bit, **EFFECTS.get(kind, {}))
+    assert [other for other in KINDS if effects.includes(other)] == [kind]
+
+
+def test_the_table_the_type_and_the_message_name_the_same_kinds_and_the_bits_fit():
+    assert tuple(FAULT_KINDS) == get_args(FaultKind)
+    assert [getattr(lcmtypes.fault_t, kind.upper()) for kind in KINDS] == list(range(len(KINDS)))
+    truth = lcmtypes.plant_truth_t()
+    truth.faults = (1 << len(KINDS)) - 1
+    assert lcmtypes.plant_truth_t.decode(truth.encode()).faults == truth.faults
+
+
+def test_the_help_of_the_command_explains_every_kind():
+    text = " ".join(klab_ok("fault", "--help").split())
+    for kind, description in FAULT_KINDS.items():
+        assert f" {kind.replace('_', '-')} {description.says} " in f"{text} "
+
+
+def test_faults_under_way_add_up():
+    faults = Faults([planned("clock_jump", 0.0, jump_s=-1.0), planned("camera_clock", 1.0)], 0)
+    faults.inject(Fault(kind="motor_reversed", wheel="left"), 0)
+    effects = faults.at(1_000_000)
+    assert (effects.clock_jump_us, effects.camera_clock_us) == (-1_000_000, 10_000_000)
+    assert effects.motor_reversed == (True, False)
+    under_way = {kind for kind in KINDS if effects.includes(kind)}
+    assert under_way == {"clock_jump", "camera_clock", "motor_reversed"}
 
 
 def test_wheels_fail_each_on_their_own():

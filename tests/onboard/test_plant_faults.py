@@ -13,6 +13,7 @@ from onboard.plant.cameras.cameras import Cameras
 from onboard.plant.counters import Counters
 from onboard.plant.faulty_plant import FaultyPlant
 from onboard.plant.plant import Plant
+from onboard.plant.wiring import AS_INTENDED, Wiring
 
 TICK_US = 10_000
 
@@ -78,21 +79,33 @@ def test_drivers_that_hear_nothing_brake_after_their_timeout(preset):
 
 def test_a_stuck_counter_misses_what_passes_and_then_counts_on():
     counters = Counters()
-    assert counters.read((100, 200), (False, False)) == (100, 200)
-    assert counters.read((110, 220), (True, False)) == (100, 220)
-    assert counters.read((130, 240), (True, True)) == (100, 220)
-    assert counters.read((140, 250), (False, True)) == (110, 220)
-    assert counters.read((150, 260), (False, False)) == (120, 230)
+    assert counters.read((100, 200), AS_INTENDED) == (100, 200)
+    assert counters.read((110, 220), Wiring(left=0)) == (100, 220)
+    assert counters.read((130, 240), Wiring(left=0, right=0)) == (100, 220)
+    assert counters.read((140, 250), Wiring(right=0)) == (110, 220)
+    assert counters.read((150, 260), AS_INTENDED) == (120, 230)
 
 
-@given(st.integers(-(2**31), 2**31 - 1), st.lists(st.tuples(st.integers(-999, 999), st.booleans())))
-def test_counters_wrap_also_after_having_been_stuck(start, steps):
+def test_counters_go_on_from_where_they_are_when_their_wiring_changes():
+    counters = Counters()
+    assert counters.read((100, 200), AS_INTENDED) == (100, 200)
+    assert counters.read((101, 220), Wiring(left=-1)) == (99, 220)
+    assert counters.read((102, 240), Wiring(exchanged=True)) == (119, 221)
+    assert counters.read((103, 260), Wiring(right=-1, exchanged=True)) == (99, 222)
+    assert counters.read((104, 280), AS_INTENDED) == (100, 242)
+
+
+@given(
+    st.integers(-(2**31), 2**31 - 1),
+    st.lists(st.tuples(st.integers(-999, 999), st.integers(-1, 1))),
+)
+def test_counters_wrap_whatever_came_through_their_wiring(start, steps):
     counters, true, shown = Counters(), start, start
-    counters.read((true, true), (False, False))
-    for change, held in steps:
+    counters.read((true, true), AS_INTENDED)
+    for change, sign in steps:
         true = wrap_counter(true + change)
-        shown = shown if held else wrap_counter(shown + change)
-        assert counters.read((true, true), (held, held)) == (shown, shown)
+        shown = wrap_counter(shown + sign * change)
+        assert counters.read((true, true), Wiring(sign, sign)) == (shown, shown)
 
 
 def test_a_hidden_robot_is_not_seen_and_the_noise_of_later_frames_is_the_same():

@@ -2,7 +2,7 @@
 
 import math
 
-from tests_support import Script
+from tests_support import Eye, Script
 
 import lcmtypes
 from koopman_lab.bus import channels
@@ -13,23 +13,6 @@ from koopman_lab.config.simulation import Fault
 from koopman_lab.emulation.faults import fault_message
 from onboard.motor_loop.node import OnboardNode
 from onboard.plant.cameras.watched_robot import OLDEST_TRUTH_US, WatchedRobot
-
-
-class Eye:
-    """Keeps what the cameras say, and what is true."""
-
-    name = "eye"
-
-    def __init__(self):
-        self.frames, self.truths = [], []
-
-    def attach(self, port):
-        port.subscribe(channels.MOCAP_POSE, self.frames.append)
-        port.subscribe(channels.PLANT_TRUTH, self.truths.append)
-        port.every(1.0, lambda _: None)
-
-    def close(self):
-        pass
 
 
 def driven(seconds):

@@ -39,6 +39,7 @@ def test_a_lab_in_one_terminal_and_what_is_typed_in_another(tmp_path, ear):
             run("klab fault occlusion --duration-s 0.8", tmp_path)
             run("klab fault motor-stalled --wheel left --duration-s inf", tmp_path)
             assert park.wait(timeout=LIMIT_S) == 1
+            run("klab fault motors-exchanged --duration-s 2", tmp_path)
         with Terminal("klab topics", tmp_path) as topics:
             assert topics.until("MOCAP_POSE")
             topics.end()  # which it does by itself where nobody looks

@@ -1,5 +1,6 @@
 """Pieces that several tests drive the real components with."""
 
+import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config
@@ -49,3 +50,41 @@ def ideal_run(robot: str, u: tuple[float, float], seconds: float) -> tuple[Pose,
     plant.plant.advance(lockstep.now_us)
     # The command sent at time 0 reaches the motors in the onboard tick 10 ms later.
     return plant.plant.pose, seconds - 0.01
+
+
+class DutyScript:
+    """Stands in for the motor loop: gives the motors the same duties all the time."""
+
+    name = "duties"
+
+    def __init__(self, duties):
+        self._message = lcmtypes.motor_command_t()
+        self._message.left_duty, self._message.right_duty = duties
+
+    def attach(self, port):
+        def tick(tick_us):
+            self._message.utime = tick_us
+            port.publish(channels.MOTOR_CMD, self._message)
+
+        port.every(100.0, tick)
+
+    def close(self):
+        pass
+
+
+class Eye:
+    """Keeps what the cameras and the encoders say, and what is true."""
+
+    name = "eye"
+
+    def __init__(self):
+        self.frames, self.encoders, self.truths = [], [], []
+
+    def attach(self, port):
+        port.subscribe(channels.MOCAP_POSE, self.frames.append)
+        port.subscribe(channels.ENCODER, self.encoders.append)
+        port.subscribe(channels.PLANT_TRUTH, self.truths.append)
+        port.every(1.0, lambda _: None)
+
+    def close(self):
+        pass

@@ -53,7 +53,7 @@ class Cameras:
         seen = NOTHING if unseen else self._see(pose, errors)
         self._pending.append((ready_us, (utime, seen, not unseen)))
 
-    def ready(self, now_us: int) -> Iterable[Frame]:
+    def ready(self, now_us: int) -> Sequence[Frame]:
         """Return the frames whose latency has passed by ``now_us``, oldest first."""
         pending = self._pending
         if not pending or pending[0][0] > now_us:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +12,9 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import PlainPose
-from onboard.plant.cameras.cameras import Cameras
+from onboard.plant.cameras.cameras import Cameras, Frame
+from onboard.plant.cameras.lies import Lies
+from onboard.plant.cameras.pose_messages import PoseMessages
 
 
 class Scene(Protocol):
@@ -32,7 +34,7 @@ class Scene(Protocol):
 
 
 class SimulatedCameras:
-    """Speaks MOCAP_POSE.
+    """Listens to FAULT, for the lies; speaks MOCAP_POSE.
 
     Parameters
     ----------
@@ -47,15 +49,17 @@ class SimulatedCameras:
     def __init__(self, config: LabConfig, scene: Scene) -> None:
         # The second of the two generators of a plant; the other one is its robot's.
         noise = np.random.SeedSequence([config.seed, 1], spawn_key=(1,))
-        self._cameras = Cameras(config.require_simulation().cameras, np.random.default_rng(noise))
+        self._simulation = config.require_simulation()
+        self._cameras = Cameras(self._simulation.cameras, np.random.default_rng(noise))
         self._rate_hz = config.mocap.rate_hz
         self._scene = scene
-        # Encoded as soon as it is filled, so that one does.
-        self._seen = lcmtypes.mocap_pose_t()
+        self._messages = PoseMessages()
 
     def attach(self, port: Port) -> None:
         """Register the timer."""
         self._port = port
+        self._lies = lies = Lies(self._simulation.faults, port.now_us())
+        port.subscribe(channels.FAULT, lambda message: lies.obey(message, port.now_us()))
         port.every(self._rate_hz, self._on_tick)
         # Frames become ready between exposures, so these ticks ask for them as well.
         self._scene.after_tick.append(self._send_frames)
@@ -69,7 +73,21 @@ class SimulatedCameras:
         self._send_frames(utime)
 
     def _send_frames(self, now_us: int) -> None:
-        seen = self._seen
-        for seen.utime, pose, seen.tracking_valid in self._cameras.ready(now_us):
+        frames = self._cameras.ready(now_us)
+        if not frames:
+            return
+        lies = self._lies
+        utime, pose, valid = frames[-1]
+        if utime < lies.from_us:
+            if valid:
+                lies.last_pose = pose
+            self._send(frames, self._messages.numbered)
+            return
+        for frame in frames:
+            told = lies.told(frame)
+            self._send(told, self._messages.message(stuck=lies.sequence_stuck))
+
+    def _send(self, frames: Sequence[Frame], seen: lcmtypes.mocap_pose_t) -> None:
+        for seen.utime, pose, seen.tracking_valid in frames:
             seen.x1_m, seen.x2_m, seen.theta_rad = pose
             self._port.publish(channels.MOCAP_POSE, seen)
