@@ -57,6 +57,11 @@ class StreamIdentity(NamedTuple):
         return self.publishers == 1 and self.numbering == "counts"
 
 
+def worse(one: StreamIdentity, other: StreamIdentity) -> StreamIdentity:
+    """Return the worse of two: with more publishers, or with numbers that do not count."""
+    return max(one, other, key=lambda identity: (identity.publishers, not identity.clear))
+
+
 class Publishers:
     """Tells the publishers of one stream apart, by the numbers and stamps of its messages."""
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,6 +15,9 @@ from offboard.commands.log_export import export, plot
 from offboard.terminal import options
 from offboard.terminal.choices import Commands
 from offboard.terminal.output import err, out, show_unreadable
+
+if TYPE_CHECKING:
+    from koopman_lab.data.channel_summary import ChannelSummary
 
 SHOWN = 10
 """Damaged places listed one by one."""
@@ -32,7 +36,7 @@ def info(
     ] = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Show channels, counts, rates, gaps and duration of a log.
+    """Show channels, counts, rates, gaps and duration of a log, and where two spoke at once.
 
     Example: klab log info runs/calibration/session.lcm --channel R1_MOCAP_POSE
     """
@@ -66,6 +70,8 @@ def info(
         rate = "-" if c.rate_hz is None else f"{c.rate_hz:.2f}"
         table.add_row(name, str(c.count), rate, str(c.lost), str(c.gaps))
     out.print(table)
+    for line in _identity_lines(rows):
+        err.print(line)
     show_unreadable(log.path, log.passed_over.unreadable)
     for stretch in log.damage[:SHOWN]:
         err.print(f"damaged, passed over: {stretch}")
@@ -73,6 +79,18 @@ def info(
         err.print(
             f"{skipped} damaged bytes passed over in {len(log.damage)} places, {skipped_s:.3f} s"
         )
+
+
+def _identity_lines(rows: Mapping[str, ChannelSummary]) -> list[str]:
+    """Return on which channels more spoke than one, or numbers did not count."""
+    from koopman_lab.bus.channels import split_name
+    from koopman_lab.bus.publishers import NamedIdentity, identity_faults
+
+    return identity_faults(
+        NamedIdentity(name, split_name(name)[1], summary.identity, summary.rate_hz)
+        for name, summary in rows.items()
+        if not summary.identity.clear
+    )
 
 
 app.command()(plot)

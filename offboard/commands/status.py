@@ -33,8 +33,9 @@ def status(
 ) -> None:
     """Show the processes of every robot on the bus: state, needs, who may stop them.
 
-    What died stays in the table, with the last lines of its log, until a lab is started again. The
-    exit code is 1 where one is silent or died, or none is there.
+    What died stays in the table, with the last lines of its log, until a lab is started again. A
+    line each says where two programs use the name of one robot. The exit code is 1 then, and where
+    a process is silent or died, or none is there.
 
     Example: klab status
     """
@@ -43,11 +44,8 @@ def status(
     lab = options.resolve(config, overrides, None, url=url)
     listener, view = _listen(lab)
     now_us = listener.now_us()
-    processes = {
-        name: robot.entries(now_us)
-        for name, robot in view.robots.items()
-        if not robot.replayed(now_us)
-    }
+    live = {name: robot for name, robot in view.robots.items() if not robot.replayed(now_us)}
+    processes = {name: robot.entries(now_us) for name, robot in live.items()}
     if not any(processes.values()):
         err.print(f"no process heard on {lab.bus.url}; `klab up` starts a lab")
     processes = with_broken_labs(processes, broken_labs(lab.bus.url, now_us))
@@ -60,9 +58,11 @@ def status(
         out.print_json(json.dumps(rows))
     else:
         _show(processes)
-    if any(
-        e.state in ("silent", "died") for entries in processes.values() for e in entries
-    ) or not any(processes.values()):
+    doubts = [line for name in sorted(live) for line in live[name].identity_lines(now_us)]
+    for line in doubts:
+        err.print(line)
+    entries = [entry for entries in processes.values() for entry in entries]
+    if doubts or not entries or any(entry.state in ("silent", "died") for entry in entries):
         raise typer.Exit(1)
 
 

@@ -47,7 +47,8 @@ def topics(
 ) -> None:
     """Show every channel on the bus: rate, nominal rate, jitter, loss, size, age; until Ctrl-C.
 
-    Jitter is the standard deviation of the time between arrivals.
+    Jitter is the standard deviation of the time between arrivals. Below the table stands which
+    streams of a robot have more than one publisher, or numbers that do not count.
 
     Example: klab topics --echo R1_MOCAP_POSE --once
     """
@@ -91,25 +92,34 @@ def _print_once(
     if as_json:
         out.print_json(json.dumps([flow._asdict() for flow in flows]))
     else:
+        from offboard.monitor.streams import identity_lines
+
         out.print(_table(flows))
+        for line in identity_lines(flows):
+            err.print(line)
 
 
 def _show_until_interrupted(listener: Listener, lab: LabConfig, streams: Streams) -> None:
+    from rich.console import Group
     from rich.live import Live
+
+    from offboard.monitor.streams import identity_lines
 
     with Live(console=out, auto_refresh=False) as live:
         while True:
             spin_for(listener, REFRESH_S)
-            live.update(_table(streams.flows(listener.now_us(), lab)), refresh=True)
+            flows = streams.flows(listener.now_us(), lab)
+            live.update(Group(_table(flows), *identity_lines(flows)), refresh=True)
 
 
 def _table(flows: list[Flow]) -> Table:
     from rich.table import Table
 
     table = Table()
-    columns = ("channel", "rate (Hz)", "nominal", "jitter (ms)", "lost", "bytes", "age (s)")
+    columns = ["channel", "rate (Hz)", "nominal", "jitter (ms)", "lost", "bytes", "age (s)"]
+    doubted = any((flow.publishers or 1) > 1 or _misnumbered(flow) for flow in flows)
     strange = any(flow.undecodable for flow in flows)
-    for column in (*columns, "undecodable") if strange else columns:
+    for column in columns + ["publishers"] * doubted + ["undecodable"] * strange:
         table.add_column(column, justify="right")
     # Names are what a person copies; on a narrow terminal numbers give way.
     table.columns[0].justify = "left"
@@ -123,9 +133,20 @@ def _table(flows: list[Flow]) -> Table:
             "-" if flow.lost is None else str(flow.lost),
             str(flow.size),
             "-" if flow.age_s is None else f"{flow.age_s:.1f}",
-            *([str(flow.undecodable)] if strange else []),
+            *[_publishers_text(flow)] * doubted,
+            *[str(flow.undecodable)] * strange,
         )
     return table
+
+
+def _misnumbered(flow: Flow) -> bool:
+    return flow.numbering not in (None, "counts")
+
+
+def _publishers_text(flow: Flow) -> str:
+    if flow.publishers is None:
+        return "-"
+    return f"{flow.publishers}, {flow.numbering}" if _misnumbered(flow) else str(flow.publishers)
 
 
 def _echo(listener: Listener, lab: LabConfig, name: str, *, once: bool, seconds: float) -> None:

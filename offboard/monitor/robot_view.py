@@ -28,7 +28,7 @@ from offboard.monitor.latest_message import LatestMessage
 from offboard.monitor.plot_row import PlotRow, plot_row
 from offboard.monitor.process_states import ALIVE, FINISHED, SILENT, ProcessState, ProcessStates
 from offboard.monitor.replay_detection import REPLAY_MEMORY_S, ReplayDetection
-from offboard.monitor.streams import Stream
+from offboard.monitor.streams import Stream, identity_lines
 
 ROW_S = 0.04
 """At least between two rows of the plots, and two points of the trail; so that each snapshot,
@@ -49,6 +49,7 @@ class _Tables(NamedTuple):
     stale: list[tuple[Stream, float]]
     channels: list[dict[str, Any]]
     processes: list[dict[str, Any]]
+    identity_lines: list[str]
 
 
 class RobotView:
@@ -153,6 +154,10 @@ class RobotView:
             for entry in self.process_states.entries(now_us)
         ]
 
+    def identity_lines(self, now_us: int) -> list[str]:
+        """Return in words on which channels more speak than one, or numbers do not count."""
+        return self._tables_of(now_us).identity_lines
+
     def snapshot(self, now_us: int) -> dict[str, Any]:
         """Return what the page shows now, the histories left out; see :attr:`rows`."""
         status, mpc, pose = self.status(now_us), self.mpc(now_us), self._pose.young(now_us, YOUNG_S)
@@ -166,6 +171,7 @@ class RobotView:
         return {
             "line": self._headline(now_us, tables.entries, status, mpc, sampler),
             "banners": headline.banners(tables.entries, tables.stale, lost_view=lost_view)
+            + tables.identity_lines
             + trouble,
             "replay": replayed or over,
             "steerable": not replayed and self.alive(now_us),
@@ -274,10 +280,14 @@ class RobotView:
             entries = self.entries(now_us)
             stale = self._stale_streams(now_us, entries)
             names = {stream.name for stream, _ in stale}
-            flows = [
-                flow_row(stream.flow(now_us, self.config)) | {"stale": stream.name in names}
-                for stream in sorted(self._streams.values(), key=lambda stream: stream.name)
-            ]
-            rows = [process_row(entry) for entry in entries]
-            tables = self._tables = _Tables(now_us, entries, stale, flows, rows)
+            streams = sorted(self._streams.values(), key=lambda stream: stream.name)
+            flows = [stream.flow(now_us, self.config) for stream in streams]
+            tables = self._tables = _Tables(
+                now_us,
+                entries,
+                stale,
+                [flow_row(flow) | {"stale": flow.name in names} for flow in flows],
+                [process_row(entry) for entry in entries],
+                identity_lines(flows),
+            )
         return tables

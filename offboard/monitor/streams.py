@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,14 @@ from numpy.typing import NDArray
 from koopman_lab.bus.channel import Channel
 from koopman_lab.bus.channels import split_name
 from koopman_lab.bus.header import header_reader
-from koopman_lab.bus.sequence import SequenceCounter
+from koopman_lab.bus.publishers import (
+    GONE_S,
+    NamedIdentity,
+    Numbering,
+    Publishers,
+    StreamIdentity,
+    identity_faults,
+)
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import BusError
 from koopman_lab.units import US_PER_S
@@ -29,6 +37,8 @@ GIVES_WAY_S = 10.0
 there is no other."""
 LOOK_S = 1.0
 """So often a place is looked for."""
+SILENT_PERIODS = 5
+"""Who was silent for so many periods, and a second, is doubted no more."""
 
 
 class Flow(NamedTuple):
@@ -54,6 +64,9 @@ class Flow(NamedTuple):
         Since the newest message arrived (s); None if there was none yet.
     undecodable
         Were no message of the channel's type, and count for nothing else.
+    publishers, numbering
+        How many speak at once, and how they number their messages, see
+        :class:`~koopman_lab.bus.publishers.StreamIdentity`; None where several may speak.
     """
 
     name: str
@@ -65,6 +78,8 @@ class Flow(NamedTuple):
     size: int
     age_s: float | None
     undecodable: int
+    publishers: int | None = None
+    numbering: Numbering | None = None
 
 
 class Stream:
@@ -90,9 +105,10 @@ class Stream:
         self._size = 0
         self._header = None if channel is None else header_reader(channel.type)
         self._arrivals = array("q", bytes(8 * MOST_ARRIVALS))  # a ring: the oldest is overwritten
-        self._counter: SequenceCounter | None = None
+        self._publishers: Publishers | None = None
         if channel is not None and channel.rate != "event":
-            self._counter = SequenceCounter()
+            self._publishers = Publishers()
+        self._has_one_publisher = channel is not None and channel.has_one_publisher
 
     def take(self, data: bytes, arrived_us: int) -> bool:
         """Take what arrived at ``arrived_us``; return whether it is a message of the channel."""
@@ -102,8 +118,8 @@ class Stream:
                 self._undecodable += 1
                 return False
             self.utime, sequence = header
-            if self._counter is not None:
-                self._counter.update(sequence, self.utime)
+            if self._publishers is not None:
+                self._publishers.take(sequence, self.utime, arrived_us)
         self._arrivals[self.count % MOST_ARRIVALS] = arrived_us
         self.count += 1
         self._size, self.heard_us = len(data), arrived_us
@@ -125,11 +141,20 @@ class Stream:
             _rate_hz(steps),
             self.nominal_hz(config),
             float(steps.std()) / US_PER_S if len(steps) > 1 else None,
-            None if self._counter is None else self._counter.lost,
+            None if self._publishers is None else self._publishers.counter.lost,
             self._size,
             (now_us - self.heard_us) / US_PER_S if self.count else None,
             self._undecodable,
+            *(self._identity(now_us, config) or (None, None)),
         )
+
+    def _identity(self, now_us: int, config: LabConfig) -> StreamIdentity | None:
+        """Return who speaks, None where several may; a stream that fell silent is clear."""
+        if self._publishers is None or not self._has_one_publisher:
+            return None
+        periods_s = SILENT_PERIODS / (self.nominal_hz(config) or 1.0)
+        silent = now_us - self.heard_us > max(GONE_S, periods_s) * US_PER_S
+        return StreamIdentity() if silent else self._publishers.identity(now_us)
 
 
 class Streams:
@@ -166,6 +191,23 @@ class Streams:
     def flows(self, now_us: int, config: LabConfig) -> list[Flow]:
         """Return how each channel flows, in alphabetical order."""
         return [self._streams[name].flow(now_us, config) for name in sorted(self._streams)]
+
+
+def identity_lines(flows: Iterable[Flow]) -> list[str]:
+    """Return in words what is wrong with who speaks, a line for each robot and kind of fault."""
+    return identity_faults(
+        NamedIdentity(
+            flow.name,
+            channel,
+            StreamIdentity(flow.publishers, flow.numbering),
+            flow.rate_hz,
+            flow.nominal_hz,
+        )
+        for flow in flows
+        if flow.publishers is not None
+        and flow.numbering is not None
+        and (channel := _channel(flow.name)) is not None
+    )
 
 
 def _rate_hz(steps_us: NDArray[np.int64]) -> float | None:

@@ -1,10 +1,11 @@
 """Streams of messages as one or several publishers send them, and as they arrive."""
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from koopman_lab.bus.channel import Channel
 from koopman_lab.bus.publishers import Publishers, StreamIdentity
 from koopman_lab.config.simulation import RadioLink
 from koopman_lab.emulation.radio import Radio
@@ -52,3 +53,11 @@ class Ear:
     def numberings(self) -> set[str]:
         """Return all that was said of the numbers."""
         return {identity.numbering for _, identity in self.heard}
+
+
+def encoded(channel: Channel[Any], message: Said) -> bytes:
+    """Return a message of a channel with this number and stamp."""
+    filled = channel.type()
+    filled.utime, filled.sequence = message.utime, message.sequence
+    data: bytes = filled.encode()
+    return data
