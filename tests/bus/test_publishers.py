@@ -257,3 +257,25 @@ def test_no_stream_of_a_simulated_robot_is_doubted_also_by_a_radio_that_doubles_
     )
     lab.run(60.0)
     assert (doubter.lines, doubter.asked) == ([], 121 * len(doubter.channels))
+
+
+@pytest.mark.parametrize(
+    ("lie", "words"),
+    [
+        ("sequence_stuck", "sequence does not count"),
+        ("frames_doubled", "each message comes more than once"),
+    ],
+)
+def test_cameras_that_number_wrongly_are_named_while_they_do(lie, words):
+    planned = f"simulation.faults=[{{kind: {lie}, at_s: 5, duration_s: 5}}]"
+    config, doubter = load_config(preset="lab", overrides=[planned]), Doubter()
+    lab = lab_of(config, PlantNode(config), OnboardNode(config), doubter)
+    lab.run(5.0)
+    assert not doubter.lines
+    lab.run(4.9)
+    assert len(doubter.lines) >= 8
+    assert all(line.startswith("R1_MOCAP_POSE: ") and words in line for line in doubter.lines)
+    lab.run(1.1)
+    doubter.lines.clear()
+    lab.run(20.0)
+    assert not doubter.lines
