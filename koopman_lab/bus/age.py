@@ -1,4 +1,4 @@
-"""Whether a message is of now, by its stamp: the one judgement of age."""
+"""Whether a message is of now, by its stamp and by when it was new: the one judgement of age."""
 
 from __future__ import annotations
 
@@ -17,3 +17,23 @@ def is_current(stamped_us: int, now_us: int, limit_us: float) -> bool:
         Largest distance between them (us).
     """
     return abs(now_us - stamped_us) <= limit_us
+
+
+def is_fresh(stamped_us: int, new_us: int, now_us: int, limit_us: float) -> bool:
+    """Return whether what is said is of now, and was new not long ago.
+
+    A stamp that is repeated, and one that lies ahead of its time, look as if they were of now for
+    longer than they are; that a *new* one was heard is judged by the clock of who listens.
+
+    Parameters
+    ----------
+    stamped_us
+        Newest stamp (us), by the sender's clock.
+    new_us
+        When the first message with this stamp was heard (us).
+    now_us
+        Present time (us).
+    limit_us
+        Largest distance of both from now (us).
+    """
+    return is_current(stamped_us, now_us, limit_us) and is_current(new_us, now_us, limit_us)

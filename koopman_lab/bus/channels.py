@@ -42,6 +42,7 @@ PLANT_TRUTH = Channel("PLANT_TRUTH", lcmtypes.plant_truth_t, "motor", "plant")
 SAMPLER_STATE = Channel("SAMPLER_STATE", lcmtypes.sampler_state_t, "control", "sampler")
 REFERENCE_STATE = Channel("REFERENCE_STATE", lcmtypes.reference_state_t, "control", "reference")
 MPC_STATE = Channel("MPC_STATE", lcmtypes.mpc_state_t, "control", "controller")
+INTERLOCK = Channel("INTERLOCK", lcmtypes.interlock_t, "event", COMMANDER)
 LOGGER_STATUS = Channel("LOGGER_STATUS", lcmtypes.logger_status_t, "heartbeat", "logger")
 TIME_PING = Channel("TIME_PING", lcmtypes.time_ping_t, "ping", "onboard")
 TIME_PONG = Channel("TIME_PONG", lcmtypes.time_pong_t, "ping", "commander")
@@ -101,6 +102,7 @@ CHANNELS: tuple[Channel[Any], ...] = (
     SAMPLER_STATE,
     REFERENCE_STATE,
     MPC_STATE,
+    INTERLOCK,
     LOGGER_STATUS,
     TIME_PING,
     TIME_PONG,

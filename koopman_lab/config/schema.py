@@ -66,11 +66,16 @@ class Mocap(Section):
     rate_hz: Positive
 
 
-class StateSet(Section):
-    """A box of poses and velocities, each as [low, high]."""
+class Area(Section):
+    """A rectangle in the inertial frame, each side as [low, high]."""
 
     x1_m: Range
     x2_m: Range
+
+
+class StateSet(Area):
+    """A box of poses and velocities, each as [low, high]."""
+
     theta_rad: Range
     v_m_per_s: Range
     omega_rad_per_s: Range
@@ -94,6 +99,8 @@ class Sampler(Section):
     settle_s: NotNegative
     phase_time_limit_s: Positive
     tracking_timeout_s: Positive
+    wait_limit_s: Positive
+    largest_redraws_in_a_row: Annotated[int, Field(ge=1)]
 
     @property
     def indexed_inputs(self) -> dict[int, Input]:
@@ -189,13 +196,6 @@ class OffsetFree(Section):
     largest_rad_per_s: Positive
 
 
-class Area(Section):
-    """A rectangle of the floor."""
-
-    x1_m: Pair
-    x2_m: Pair
-
-
 class Controller(Section):
     """The predictive controller."""
 
@@ -210,7 +210,6 @@ class Controller(Section):
     u_max: InputBounds
     speed_max: InputBounds | None
     weights: dict[CostName, Weights]
-    goal_area: Area
     parked_position_m: Pair
     parked_angle_rad: Positive
     parked_hold_s: NotNegative
@@ -236,6 +235,7 @@ class LabConfig(Section):
     motor_loop: MotorLoop
     mocap: Mocap
     placement: Placement
+    floor: Area
     simulation: Simulation | None
     logger: Logger
     sampler: Sampler
@@ -267,6 +267,27 @@ class LabConfig(Section):
                 f"simulation.clock.drift_ppm {simulation.clock.drift_ppm:g} is beyond "
                 f"clock.largest_drift_ppm {largest_ppm:g}, so that no error bound would hold"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _stays_on_the_floor(self) -> LabConfig:
+        drawn, allowed, floor = self.sampler.draw_set, self.sampler.admissible_set, self.floor
+        infinity, square = self.reference.infinity.start_pose, self.reference.square.start_pose
+        for name, (inner_low, inner_high), side, (low, high) in (
+            ("sampler.draw_set.x1_m", drawn.x1_m, "x1_m", floor.x1_m),
+            ("sampler.draw_set.x2_m", drawn.x2_m, "x2_m", floor.x2_m),
+            ("sampler.admissible_set.x1_m", allowed.x1_m, "x1_m", floor.x1_m),
+            ("sampler.admissible_set.x2_m", allowed.x2_m, "x2_m", floor.x2_m),
+            ("reference.infinity.start_pose.0", infinity[:1] * 2, "x1_m", floor.x1_m),
+            ("reference.infinity.start_pose.1", infinity[1:2] * 2, "x2_m", floor.x2_m),
+            ("reference.square.start_pose.0", square[:1] * 2, "x1_m", floor.x1_m),
+            ("reference.square.start_pose.1", square[1:2] * 2, "x2_m", floor.x2_m),
+        ):
+            if not low <= inner_low <= inner_high <= high:
+                raise ValueError(
+                    f"{name} reaches to {inner_low:g}, {inner_high:g} m, beyond floor.{side} "
+                    f"[{low:g}, {high:g}], where the robot must not be driven"
+                )
         return self
 
     @model_validator(mode="after")

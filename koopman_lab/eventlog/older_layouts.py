@@ -110,6 +110,24 @@ OLDER_LAYOUTS = (
         "robots with any number of inputs",
     ),
     OlderLayout(
+        lcmtypes.sampler_state_t,
+        bytes.fromhex("d55126a2e40e4b07"),
+        (
+            *_STAMP,
+            Field("phase", "int8_t"),
+            Field("segment", "int32_t"),
+            Field("basis_index", "int32_t"),
+            Field("inputs", "int32_t"),
+            Field("u", "double", 8),
+            Field("segments_done", "int32_t"),
+            Field("segments_total", "int32_t"),
+            Field("samples", "int64_t"),
+            Field("redraws", "int32_t"),
+        ),
+        lambda values: values,
+        "draws given up by reason",
+    ),
+    OlderLayout(
         lcmtypes.reference_state_t,
         bytes.fromhex("5897e74d8a995ff1"),
         (

@@ -89,6 +89,8 @@ def show(folder: RunFolder, summary: CalibrationSummary) -> None:
         f"{summary.duration_s:.1f} s{pace}, samples {samples or 'none'}, "
         f"{summary.messages_lost} messages lost: {folder.path}"
     )
+    if summary.reason:
+        err.print(f"ended: {summary.reason}", markup=False)
     if summary.redraws:
         reasons = ", ".join(f"{reason}: {n}" for reason, n in summary.redraws.items())
         err.print(f"drawn again: {reasons}")

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from koopman_lab.bus.age import is_current
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose, relative_to, wrap_angle
 from koopman_lab.mpc.receding_horizon import Decision, RecedingHorizon
@@ -15,7 +16,7 @@ from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 from offboard.controller.controller_step import Inputs, Outputs, State
 from offboard.controller.estimate import StateEstimator
-from offboard.desk.goal_message import require_reachable
+from offboard.desk.goal_message import require_on_floor
 from offboard.desk.interlock import Interlock
 from offboard.desk.results import Pause
 
@@ -50,13 +51,13 @@ class Controller:
 
     def __init__(self, config: LabConfig, optimiser: RecedingHorizon, goal: Pose) -> None:
         self.state = State.WAIT
-        require_reachable(goal, config.controller)
+        require_on_floor(goal, config.floor)
         self.goal = goal
         self.reason = ""
         """Why the drive ended, or what it waits for."""
         self.pauses: list[Pause] = []
         """Those that have ended."""
-        self._settings = config.controller
+        self._settings, self._floor = config.controller, config.floor
         robot = robot_type(config.robot.kind)
         self._speeds_at = robot.speeds_at
         self._no_input = np.zeros(robot.input_dim)
@@ -100,7 +101,7 @@ class Controller:
         LabStateError
             If the robot must not be sent there; the old goal stays.
         """
-        require_reachable(goal, self._settings)
+        require_on_floor(goal, self._floor)
         if goal == self.goal:
             return
         self.goal = goal
@@ -157,13 +158,11 @@ class Controller:
 
     def _interlock(self, seen: Inputs, now_us: int) -> Interlock | None:
         """Return what forbids driving."""
-        if seen.onboard is not None:
-            return seen.onboard
-        if not seen.logger_ready:
-            return Interlock("logger silent")
+        if seen.interlock is not None:
+            return seen.interlock
         frame = self._estimator.frame
         timeout_us = self._settings.tracking_timeout_s * US_PER_S
-        if frame is None or now_us - frame.utime > timeout_us:
+        if frame is None or not is_current(frame.utime, now_us, timeout_us):
             return Interlock("tracking lost")
         if not self._estimator.is_complete(now_us):
             return Interlock("wheel odometry lost")

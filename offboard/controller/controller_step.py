@@ -8,8 +8,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from offboard.controller.estimate import Frame, WheelSpeeds
 from offboard.desk.interlock import Interlock
+from offboard.desk.measurements import Frame, WheelSpeeds
 
 
 class State(IntEnum):
@@ -30,21 +30,18 @@ class Inputs:
     Attributes
     ----------
     frames
-        Camera frames since the last step, in order of arrival.
+        Camera frames since the last step that can be believed, in order of arrival.
     wheels
         The newest wheel odometry, None if there is none yet.
-    onboard
-        Why the motor loop takes no commands, None if it does.
-    logger_ready
-        Whether the session is written down.
+    interlock
+        Why the robot must not be driven, None if it may.
     delay_s
         From this step until a command sent in it acts.
     """
 
     frames: tuple[Frame, ...]
     wheels: WheelSpeeds | None
-    onboard: Interlock | None
-    logger_ready: bool
+    interlock: Interlock | None
     delay_s: float = 0.0
 
 

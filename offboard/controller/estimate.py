@@ -4,35 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from koopman_lab.bus.age import is_current
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry.planar import Pose, Velocity, relative_to, wrap_angle
+from koopman_lab.geometry.planar import Pose, relative_to, wrap_angle
 from koopman_lab.robots.body_drive import BodyDrive, Speeds
 from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 from offboard.controller.input_history import InputHistory
+from offboard.desk.measurements import Frame, WheelSpeeds
 
 Advance = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 """From a state and an input to the state one sampling time later."""
-
-
-class Frame(NamedTuple):
-    """A camera frame: time of exposure in us, the robot's pose in the inertial frame, validity."""
-
-    utime: int
-    pose: Pose
-    valid: bool
-
-
-class WheelSpeeds(NamedTuple):
-    """Averaged wheel odometry: centre of the window in us, body velocity."""
-
-    utime: int
-    velocity: Velocity
 
 
 def oldest_wheels_s(config: LabConfig) -> float:
@@ -119,7 +105,8 @@ class StateEstimator:
 
     def knows_speed(self, now_us: int) -> bool:
         """Return whether the newest wheel odometry is young enough to act on."""
-        return self.wheels is not None and now_us - self.wheels.utime <= self._oldest_wheels_us
+        wheels = self.wheels
+        return wheels is not None and is_current(wheels.utime, now_us, self._oldest_wheels_us)
 
     def is_complete(self, now_us: int) -> bool:
         """Return whether there is a state, and what it needs of the wheels still comes."""

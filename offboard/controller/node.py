@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import time
 from pathlib import Path
 
 import lcmtypes
 from koopman_lab.bus import channels
+from koopman_lab.bus.age import is_current
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
-from koopman_lab.geometry.planar import ORIGIN, Pose, Velocity, compose, relative_to
+from koopman_lab.geometry.planar import ORIGIN, Pose
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.mpc.solver import Solver
 from koopman_lab.predictors.predictor import PredictionModel
@@ -21,9 +21,11 @@ from koopman_lab.units import US_PER_S
 from offboard.controller.controller import Controller
 from offboard.controller.controller_step import Inputs, State
 from offboard.controller.delay import LoopDelay
-from offboard.controller.estimate import Frame, WheelSpeeds
 from offboard.controller.step_report import TrajectoryPoint, mpc_state, trajectory_rows
-from offboard.desk.commander import Commands, Freshness, SessionInfo
+from offboard.desk.commander import Commands, SessionInfo
+from offboard.desk.drive_inputs import DriveInputs
+from offboard.desk.guard import Guard
+from offboard.desk.motion_check import MARKER_M
 from offboard.desk.results import ParkOutcome
 
 
@@ -63,7 +65,6 @@ class ControllerNode:
         """Which robot is driven."""
         self.marker_offset = prediction.marker_offset
         """Pose of the tracked frame on the robot, as the model knows it."""
-        self._robot_in_tracked_frame = relative_to(self.marker_offset, ORIGIN)
         self.solver_description = optimiser.solver_description
         """What solves, in words for a person."""
         self.solve_ms: list[float] = []
@@ -72,18 +73,23 @@ class ControllerNode:
         self.trajectory: list[TrajectoryPoint] = []
         self._config = config
         self._port: Port | None = None
-        self._frames: list[Frame] = []
-        self._wheels: WheelSpeeds | None = None
         self._delay = LoopDelay(config)
 
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
         self._port = port
-        self._fresh = Freshness(port, self._config)
         self._commands = Commands(port, self._config, self.name)
+        self.guard = Guard(
+            self._config, self._config.controller.tracking_timeout_s, lever_m=MARKER_M
+        )
+        self._inputs = DriveInputs(
+            port,
+            self._config,
+            self.guard,
+            self._commands.number,
+            marker_offset=self.marker_offset,
+        )
         SessionInfo(port, self._config, "park")
-        port.subscribe(channels.MOCAP_POSE, self._on_pose)
-        port.subscribe(channels.WHEEL_STATE, self._on_wheels)
         port.subscribe(channels.GOAL, self._on_goal)
         port.subscribe(channels.TIME_SYNC, self._on_time_sync)
         port.every(1.0 / self._config.controller.dt_s, self._on_tick)
@@ -113,22 +119,12 @@ class ControllerNode:
             trajectory=trajectory_rows(self.robot, self.trajectory),
         )
 
-    def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:
-        pose = Pose(message.x1_m, message.x2_m, message.theta_rad)
-        # What is no number passes as it is: the estimator refuses it.
-        if all(map(math.isfinite, pose)):
-            pose = compose(pose, self._robot_in_tracked_frame)
-        self._frames.append(Frame(message.utime, pose, message.tracking_valid))
-
-    def _on_wheels(self, message: lcmtypes.wheel_state_t) -> None:
-        velocity = Velocity(message.v_m_per_s, message.omega_rad_per_s)
-        self._wheels = WheelSpeeds(message.utime, velocity)
-
     def _on_goal(self, message: lcmtypes.goal_t) -> None:
         assert self._port is not None  # by attach
         now_us = self._port.now_us()
         # A goal in a replayed log is not meant for the robot of today.
-        if abs(now_us - message.utime) > self._config.motor_loop.command_lifetime_s * US_PER_S:
+        lifetime_us = self._config.motor_loop.command_lifetime_s * US_PER_S
+        if not is_current(message.utime, now_us, lifetime_us):
             return
         goal = Pose(message.goal_x1_m, message.goal_x2_m, message.goal_theta_rad)
         with contextlib.suppress(LabStateError):  # MPC_STATE goes on to name the old one
@@ -141,14 +137,10 @@ class ControllerNode:
         del tick_us
         assert self._port is not None  # by attach
         now_us, began_s = self._port.now_us(), time.perf_counter()
-        seen = Inputs(
-            tuple(self._frames),
-            self._wheels,
-            self._fresh.interlock(self._commands.number, now_us),
-            self._fresh.is_logging(now_us),
-            self._delay.estimate_s(),
-        )
-        self._frames.clear()
+        inputs = self._inputs
+        inputs.step(now_us, driving=self.controller.state is State.DRIVING)
+        frames = () if inputs.frame is None else (inputs.frame,)
+        seen = Inputs(frames, inputs.wheels, inputs.interlock, self._delay.estimate_s())
         outputs = self.controller.step(seen, now_us)
         solve_ms = (time.perf_counter() - began_s) * 1e3
         sent_us = self._port.now_us()

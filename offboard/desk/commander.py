@@ -1,4 +1,4 @@
-"""What a node that drives the robot needs: fresh messages, commands, the session's information."""
+"""What a node that drives the robot says: commands, and the session's information."""
 
 from __future__ import annotations
 
@@ -7,19 +7,15 @@ from importlib.metadata import version
 
 import lcmtypes
 from koopman_lab.bus import channel, channels
-from koopman_lab.bus.commanders import commander_name, commander_number
+from koopman_lab.bus.commanders import commander_number
 from koopman_lab.bus.node import Port
 from koopman_lab.config.load import dump_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.robots.table import robot_type
-from koopman_lab.units import US_PER_S
-from offboard.desk.interlock import Interlock
 from offboard.desk.time_server import TimeServer
 
 ONBOARD_TIMEOUT_S = 1.0
 """Ten of its status messages."""
-LOGGER_TIMEOUT_S = 2.0
-"""Four of its heartbeats."""
 FAULTS = ("no fault", "battery low", "encoders silent", "left wheel stuck", "right wheel stuck")
 """By the numbers of ``onboard_status_t``."""
 
@@ -29,64 +25,6 @@ def why_stopped(status: lcmtypes.onboard_status_t) -> str | None:
     if status.state == status.ESTOP:
         return "emergency stop"
     return FAULTS[status.fault] if status.state == status.FAULT else None
-
-
-class Freshness:
-    """The newest pose, status and logger heartbeat, as long as they are young enough to act on."""
-
-    def __init__(self, port: Port, config: LabConfig) -> None:
-        self._pose: lcmtypes.mocap_pose_t | None = None
-        self._onboard: lcmtypes.onboard_status_t | None = None
-        self._logger: lcmtypes.logger_status_t | None = None
-        self._tracking_timeout_s = config.sampler.tracking_timeout_s
-        port.subscribe(channels.MOCAP_POSE, self._on_pose)
-        port.subscribe(channels.ONBOARD_STATUS, self._on_onboard)
-        port.subscribe(channels.LOGGER_STATUS, self._on_logger)
-
-    def pose(self, now_us: int) -> lcmtypes.mocap_pose_t | None:
-        """Return the newest valid pose, or None while tracking is lost."""
-        return _if_young(self._pose, now_us, self._tracking_timeout_s)
-
-    def onboard(self, now_us: int) -> lcmtypes.onboard_status_t | None:
-        """Return the newest status of the motor loop, or None while it is silent."""
-        return _if_young(self._onboard, now_us, ONBOARD_TIMEOUT_S)
-
-    def takes_commands(self, commander: int, now_us: int) -> bool:
-        """Return whether the motor loop would take commands of this commander."""
-        return self.interlock(commander, now_us) is None
-
-    def interlock(self, commander: int, now_us: int) -> Interlock | None:
-        """Return why the motor loop would take no commands of this commander, None if it would."""
-        status = self.onboard(now_us)
-        if status is None:
-            return Interlock("onboard loop silent")
-        why = why_stopped(status)
-        if why is not None:
-            return Interlock(f"onboard loop stopped: {why}", lasting=True)
-        if status.commander in (0, commander):
-            return None
-        return Interlock(f"onboard loop held by {commander_name(status.commander)}", lasting=True)
-
-    def is_logging(self, now_us: int) -> bool:
-        """Return whether the logger is writing down what happens."""
-        return _if_young(self._logger, now_us, LOGGER_TIMEOUT_S) is not None
-
-    def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:
-        if message.tracking_valid:
-            self._pose = message
-
-    def _on_onboard(self, message: lcmtypes.onboard_status_t) -> None:
-        self._onboard = message
-
-    def _on_logger(self, message: lcmtypes.logger_status_t) -> None:
-        self._logger = message
-
-
-def _if_young(message: channel.M | None, now_us: int, timeout_s: float) -> channel.M | None:
-    # A board that does not know the time yet may stamp the future.
-    if message is None or abs(now_us - message.utime) > timeout_s * US_PER_S:
-        return None
-    return message
 
 
 class Commands:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import lcmtypes
-from koopman_lab.config.schema import Controller
+from koopman_lab.config.schema import Area
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import Pose
 
@@ -18,23 +18,31 @@ def goal_message(goal: Pose, utime: int) -> lcmtypes.goal_t:
     return message
 
 
-def require_reachable(goal: Pose, settings: Controller) -> None:
-    """Refuse a goal that is no pose, or outside the floor.
+def require_on_floor(pose: Pose, floor: Area, what: str = "goal") -> None:
+    """Refuse a pose that is none, or outside the floor.
+
+    Parameters
+    ----------
+    pose
+        In the inertial frame.
+    floor
+        Where the robot may be driven.
+    what
+        What the pose is, in a word for a person.
 
     Raises
     ------
     LabStateError
-        With the goal, the bounds and the key that sets them.
+        With the pose, the bounds and the key that sets them.
     """
-    if not all(map(math.isfinite, goal)):
-        raise LabStateError("goal: a pose needs three numbers, x1 and x2 in m and an angle")
-    area = settings.goal_area
+    if not all(map(math.isfinite, pose)):
+        raise LabStateError(f"{what}: a pose needs three numbers, x1 and x2 in m and an angle")
     for name, value, (low, high) in (
-        ("x1", goal.x1, area.x1_m),
-        ("x2", goal.x2, area.x2_m),
+        ("x1", pose.x1, floor.x1_m),
+        ("x2", pose.x2, floor.x2_m),
     ):
         if not low <= value <= high:
             raise LabStateError(
-                f"goal: {name} = {value:g} m is outside [{low:g}, {high:g}] m; choose another, "
-                f"or enlarge controller.goal_area.{name}_m if the floor is free there"
+                f"{what}: {name} = {value:g} m is outside [{low:g}, {high:g}] m; choose another, "
+                f"or enlarge floor.{name}_m if the floor is free there"
             )

@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import NamedTuple
+
+
+class Cause(Enum):
+    """What an interlock is about."""
+
+    TRACKING = "the cameras do not tell where the robot is"
+    SILENCE = "a process that is needed is silent"
+    HELD = "the robot is held still, or by another commander"
+    STREAM = "a stream is not what a session needs"
+    MOTION = "cameras, wheels and commands contradict each other"
+    FLOOR = "the robot is not, or would not stay, on the floor"
+    OTHER = "something else"
 
 
 class Interlock(NamedTuple):
@@ -14,7 +27,10 @@ class Interlock(NamedTuple):
         In words.
     lasting
         Whether a person has to act. Everything else, silence above all, may pass by itself.
+    cause
+        What it is about.
     """
 
     reason: str
     lasting: bool = False
+    cause: Cause = Cause.OTHER

@@ -10,7 +10,7 @@ from koopman_lab.bus.channel import Channel, M
 from koopman_lab.bus.channels import ESTOP, GOAL
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose
-from offboard.desk.goal_message import goal_message, require_reachable
+from offboard.desk.goal_message import goal_message, require_on_floor
 
 TRIES = 100
 WAIT_S = 0.02
@@ -107,7 +107,7 @@ def goal_order(
     LabStateError
         If the goal is no pose, or outside the floor.
     """
-    require_reachable(goal, config.controller)
+    require_on_floor(goal, config.floor)
 
     def obeyed() -> bool:
         newest = state()

@@ -26,6 +26,8 @@ class CalibrationOutcome(Result):
 
     complete: bool
     """Whether all segments are recorded."""
+    reason: str
+    """Why the session ended before, in words; empty if it did not."""
     segments: int
     """Number of complete segments, those before a resumption included."""
     segments_wanted: int
@@ -45,6 +47,8 @@ class ReferenceOutcome(Result):
     """Name of the shape: infinity or square."""
     complete: bool
     """Whether all runs are recorded."""
+    reason: str
+    """Why the session ended before, in words; empty if it did not."""
     runs: int
     """Number of complete runs."""
     runs_wanted: int

@@ -16,6 +16,7 @@ from offboard.lab.run_folder import RunFolder
 from offboard.lab.session_kind import Progress, SessionKind
 from offboard.lab.session_runner import run_session
 from offboard.sampler.node import SamplerNode
+from offboard.sampler.redraws import redraws_text
 from offboard.sampler.resume import Interrupted, interrupted
 
 if TYPE_CHECKING:
@@ -74,16 +75,21 @@ class Calibration(SessionKind[SamplerNode, CalibrationOutcome]):
     def progress(self, node: SamplerNode, elapsed_s: float, config: LabConfig) -> Progress:
         """Return how many segments are recorded, by the sampler."""
         del config
-        sampler = node.sampler
-        note = f"{sampler.frames} samples, {elapsed_s:.0f} s of virtual time"
-        return Progress(sampler.done, sampler.total, note)
+        sampler, waits_for = node.sampler, node.sampler.waits_for
+        notes = (
+            f"{sampler.frames} samples, {elapsed_s:.0f} s of virtual time",
+            redraws_text(sampler.redraws.numbers()),
+            "" if waits_for is None else f"waits: {waits_for.reason}",
+        )
+        return Progress(sampler.done, sampler.total, "; ".join(filter(None, notes)))
 
     def progress_reported(
         self, state: lcmtypes.sampler_state_t, elapsed_s: float, config: LabConfig
     ) -> Progress:
         """Return how many segments are recorded, by the sampler's message."""
         del elapsed_s, config
-        return Progress(state.segments_done, state.segments_total, f"{state.samples} samples")
+        notes = f"{state.samples} samples", redraws_text(state.redraws_by_reason)
+        return Progress(state.segments_done, state.segments_total, "; ".join(filter(None, notes)))
 
     def has_begun(self, state: lcmtypes.sampler_state_t) -> bool:
         """Return whether the sampler drives."""

@@ -79,10 +79,12 @@ class Parking(SessionKind["ControllerNode", ParkOutcome]):
             If the robot must not be sent to the goal.
         """
         from koopman_lab.mpc.receding_horizon import planning_problem
-        from offboard.desk.goal_message import require_reachable
+        from offboard.desk.goal_message import require_on_floor
 
         planning_problem(self._prediction_model(config), config)
-        require_reachable(self.goal, config.controller)
+        require_on_floor(self.goal, config.floor)
+        if self.start is not None:
+            require_on_floor(self.start, config.floor, "start")
 
     def make_node(self, config: LabConfig) -> ControllerNode:
         """Return the controller.

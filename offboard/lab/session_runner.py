@@ -16,7 +16,7 @@ from typing import Any, Generic
 import typer
 from pydantic import ValidationError
 
-from koopman_lab.bus.channels import ONBOARD_STATUS, PLANT_RESET
+from koopman_lab.bus.channels import INTERLOCK, ONBOARD_STATUS, PLANT_RESET
 from koopman_lab.bus.commanders import commander_number
 from koopman_lab.bus.realtime import Listener, run_node
 from koopman_lab.config.schema import LabConfig
@@ -201,14 +201,22 @@ def _show_progress(
     """Show how far the node is until it ends; refuse to wait for what will not come."""
     start = StartWatch(kind.node_name, kind.waits_for(config), kind.start_limit_s(config))
     first_us: int | None = None
+    obstacle = ""
+
+    def hear(interlock: Any) -> None:
+        nonlocal obstacle
+        obstacle = start.obstacle = interlock.reason
 
     def show(state: Any) -> None:
         nonlocal first_us
         start.begun = start.begun or kind.has_begun(state)
         now_us = listener.now_us()
         first_us = now_us if first_us is None else first_us
-        report(*kind.progress_reported(state, (now_us - first_us) / US_PER_S, config))
+        done, total, note = kind.progress_reported(state, (now_us - first_us) / US_PER_S, config)
+        notes = note, f"waits: {obstacle}" if obstacle else ""
+        report(done, total, "; ".join(filter(None, notes)))
 
+    listener.subscribe(INTERLOCK, hear)
     listener.subscribe(kind.state_channel, show)
     while not lab.ended(kind.node_name):
         listener.spin(WAIT_S)

@@ -102,6 +102,8 @@ class StartWatch:
     def __init__(self, node: str, waits_for: str, limit_s: float = START_LIMIT_S) -> None:
         self.begun = False
         """To be set when it has begun."""
+        self.obstacle = ""
+        """To be set to what it says that forbids driving."""
         self._message = f"{node}: has not begun within {limit_s:g} s; it waits for {waits_for}"
         self._limit_us = round(limit_s * US_PER_S)
         self._begun_us: int | None = None
@@ -117,7 +119,8 @@ class StartWatch:
         if self._begun_us is None:
             self._begun_us = now_us
         if not self.begun and now_us - self._begun_us > self._limit_us:
-            raise LabStateError(self._message)
+            sees = f"; it sees: {self.obstacle}" if self.obstacle else ""
+            raise LabStateError(f"{self._message}{sees}")
 
 
 def held_text(commander: int) -> str:

@@ -76,7 +76,7 @@ def config_facts(config: LabConfig) -> dict[str, Any]:
         "kind": config.robot.kind,
         "interval_ms": number(config.controller.dt_s * 1e3),
         "robot": config.robot.model_dump(mode="json"),
-        "floor": config.controller.goal_area.model_dump(mode="json"),
+        "floor": config.floor.model_dump(mode="json"),
         "sets": {
             "X0": floor_box(config.sampler.draw_set),
             "Z": floor_box(config.sampler.admissible_set),

@@ -8,8 +8,9 @@ from koopman_lab.bus.commanders import NOBODY
 from koopman_lab.bus.message_values import padded
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry.planar import Pose
-from offboard.desk.commander import Commands, Freshness, SessionInfo
+from offboard.desk.commander import Commands, SessionInfo
+from offboard.desk.drive_inputs import DriveInputs
+from offboard.desk.guard import Guard
 from offboard.desk.placing import reset_message
 from offboard.desk.results import ReferenceOutcome
 from offboard.reference.reference_driver import Action, Observation, Phase, ReferenceDriver
@@ -51,8 +52,10 @@ class ReferenceNode:
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
         self._port = port
-        self._fresh = Freshness(port, self._config)
         self._commands = Commands(port, self._config, self.name)
+        guard = Guard(self._config, self._config.sampler.tracking_timeout_s)
+        number = self._commands.number
+        self._inputs = DriveInputs(port, self._config, guard, number, records=True)
         SessionInfo(port, self._config, "reference")
         port.every(1.0 / self._config.controller.dt_s, self._on_tick)
 
@@ -66,6 +69,7 @@ class ReferenceNode:
         return ReferenceOutcome(
             shape=self._shape.name.lower(),
             complete=driver.done == driver.total,
+            reason=driver.reason,
             runs=driver.done,
             runs_wanted=driver.total,
             steps=len(driver.inputs),
@@ -76,11 +80,12 @@ class ReferenceNode:
     def _on_tick(self, tick_us: int) -> None:
         del tick_us
         now_us, number = self._port.now_us(), self._commands.number
-        frame, status = self._fresh.pose(now_us), self._fresh.onboard(now_us)
+        self._inputs.step(now_us, driving=self.driver.phase is Phase.RUN)
+        frame, status = self._inputs.tracked(now_us), self._inputs.status(now_us)
         seen = Observation(
-            Pose(frame.x1_m, frame.x2_m, frame.theta_rad) if frame else None,
-            frame.utime if frame else 0,
-            self._fresh.takes_commands(number, now_us) and self._fresh.is_logging(now_us),
+            None if frame is None else frame.pose,
+            0 if frame is None else frame.utime,
+            self._inputs.interlock,
             status is not None and status.commander == number,
             status is not None
             and status.commander == NOBODY

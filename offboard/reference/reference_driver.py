@@ -10,6 +10,7 @@ from typing import NamedTuple
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose
 from koopman_lab.units import US_PER_S
+from offboard.desk.interlock import Interlock
 from offboard.desk.placing import stands_at
 
 ASK_AGAIN_S = 1.0
@@ -32,17 +33,22 @@ class Phase(IntEnum):
 class Observation(NamedTuple):
     """What the driver sees in a step.
 
-    ``pose`` is None while tracking is lost, otherwise of the frame at ``pose_us`` (us); ``ready``
-    is false while the motor loop or the logger is silent, or the robot held still or by another.
+    ``pose`` is None while tracking is lost, otherwise of the frame at ``pose_us`` (us);
+    ``interlock`` is why the robot must not be driven, None if it may be.
     ``holding`` says that the motor loop obeys this commander, ``free`` that it obeys nobody and
     aims at rest.
     """
 
     pose: Pose | None
     pose_us: int
-    ready: bool
+    interlock: Interlock | None
     holding: bool
     free: bool
+
+    @property
+    def ready(self) -> bool:
+        """Return whether nothing forbids driving."""
+        return self.interlock is None
 
 
 class Action(NamedTuple):
@@ -64,7 +70,7 @@ class ReferenceDriver:
     """Drives one sequence of inputs again and again (paper, section 5.3).
 
     Each run begins at rest, within placement accuracy of the same pose. A run that is cut off is
-    driven again.
+    driven again; what a person has to mend ends the session.
 
     Parameters
     ----------
@@ -92,6 +98,8 @@ class ReferenceDriver:
         self.done = 0
         self.begun = 0
         self.repeated: Counter[str] = Counter()
+        self.reason = ""
+        """Why the session ended before all runs were driven."""
         self._accuracy = config.placement
         self._settle_us = round(config.reference.settle_s * US_PER_S)
         self._since_us = 0
@@ -103,7 +111,8 @@ class ReferenceDriver:
         if self.phase is Phase.WAIT and seen.ready:
             self._enter(Phase.PLACE, now_us)
         if self.phase is Phase.STOP and self._has_stopped(seen, now_us):
-            self._enter(Phase.DONE if self.done == self.total else Phase.PLACE, now_us)
+            ended = self.done == self.total or self.reason
+            self._enter(Phase.DONE if ended else Phase.PLACE, now_us)
         if self.phase is Phase.PLACE and self._is_placed(seen):
             self._enter(Phase.SETTLE, now_us)
         if self.phase is Phase.SETTLE:
@@ -123,8 +132,11 @@ class ReferenceDriver:
         number, step = self.begun, self._step
         if step == len(self.inputs):
             self.done += 1
-        elif not seen.ready or not seen.holding:
-            self.repeated["onboard loop or logger silent, or robot taken away"] += 1
+        elif seen.interlock is not None:
+            self.repeated[seen.interlock.reason] += 1
+            self.reason = seen.interlock.reason if seen.interlock.lasting else ""
+        elif not seen.holding:
+            self.repeated["robot taken away"] += 1
         else:
             self._step += 1
             return Action(Phase.RUN, number, step, self.inputs[step])
@@ -147,7 +159,8 @@ class ReferenceDriver:
 
     def _has_stopped(self, seen: Observation, now_us: int) -> bool:
         rested = now_us - self._since_us >= STANDING_S * US_PER_S
-        return rested and seen.ready and seen.free
+        # Whatever forbids driving, a robot that nobody holds and that aims at rest has stopped.
+        return rested and seen.free and (seen.ready or bool(self.reason))
 
     def _enter(self, phase: Phase, now_us: int) -> None:
         self.phase = phase

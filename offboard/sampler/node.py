@@ -9,8 +9,11 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.message_values import padded
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry.planar import Pose, Velocity
-from offboard.desk.commander import Commands, Freshness, SessionInfo
+from koopman_lab.geometry.planar import Velocity
+from offboard.desk.commander import Commands, SessionInfo
+from offboard.desk.drive_inputs import DriveInputs
+from offboard.desk.guard import Guard
+from offboard.desk.interlock import Cause, Interlock
 from offboard.desk.results import CalibrationOutcome
 from offboard.sampler.plan import Planner
 from offboard.sampler.sampler import Sampler
@@ -48,10 +51,11 @@ class SamplerNode:
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
         self._port = port
-        self._fresh = Freshness(port, self._config)
         self._commands = Commands(port, self._config, self.name)
+        guard = Guard(self._config, self._config.sampler.tracking_timeout_s)
+        number = self._commands.number
+        self._inputs = DriveInputs(port, self._config, guard, number, records=True)
         SessionInfo(port, self._config, "calibrate")
-        port.subscribe(channels.MOCAP_POSE, self._on_pose)
         port.every(1.0 / self._config.controller.dt_s, self._on_tick)
 
     def close(self) -> None:
@@ -63,29 +67,27 @@ class SamplerNode:
         sampler = self.sampler
         return CalibrationOutcome(
             complete=sampler.done == sampler.total,
+            reason=sampler.reason,
             segments=sampler.done,
             segments_wanted=sampler.total,
             frames=sampler.frames,
-            redraws=dict(sorted(sampler.redraws.items())),
+            redraws=sampler.redraws.by_text(),
             missed_deadlines=missed_deadlines,
         )
-
-    def _on_pose(self, message: lcmtypes.mocap_pose_t) -> None:
-        if message.tracking_valid:
-            self.sampler.see_frame()
 
     def _on_tick(self, tick_us: int) -> None:
         del tick_us
         now_us = self._port.now_us()
-        frame, status = self._fresh.pose(now_us), self._fresh.onboard(now_us)
+        inputs = self._inputs
+        inputs.step(now_us, driving=self.sampler.driving)
+        self.sampler.see_frames(inputs.valid_frames)
+        frame, status = inputs.tracked(now_us), inputs.status(now_us)
         seen = Observation(
-            Pose(frame.x1_m, frame.x2_m, frame.theta_rad) if frame else None,
+            None if frame is None else frame.pose,
             Velocity(status.v_setpoint_m_per_s, status.omega_setpoint_rad_per_s)
             if status
             else None,
-            self._fresh.takes_commands(self._commands.number, now_us)
-            and not self._cut_off(status)
-            and self._fresh.is_logging(now_us),
+            inputs.interlock or self._cut_off(status),
         )
         action = self.sampler.step(seen, now_us)
         self._commands.send(action.u, now_us)
@@ -95,9 +97,11 @@ class SamplerNode:
             if self._farewells == FAREWELLS:
                 self._port.finish()
 
-    def _cut_off(self, status: lcmtypes.onboard_status_t | None) -> bool:
+    def _cut_off(self, status: lcmtypes.onboard_status_t | None) -> Interlock | None:
         """Return whether the watchdog has stopped the robot in the middle of a run."""
-        return status is not None and status.state == lcmtypes.onboard_status_t.WATCHDOG
+        if status is None or status.state != status.WATCHDOG:
+            return None
+        return Interlock("onboard loop: the watchdog has stopped the robot", cause=Cause.SILENCE)
 
     def _send_state(self, action: Action, utime: int) -> None:
         message = lcmtypes.sampler_state_t()
@@ -108,4 +112,5 @@ class SamplerNode:
         message.segments_done, message.segments_total = self.sampler.done, self.sampler.total
         message.samples = self.sampler.frames
         message.redraws = self.sampler.redraws.total()
+        message.redraws_by_reason = self.sampler.redraws.numbers()
         self._port.publish(channels.SAMPLER_STATE, message)

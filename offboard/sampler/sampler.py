@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import REST, Pose, Velocity, wrap_angle
 from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
+from offboard.desk.floor import excess_m
+from offboard.desk.interlock import Cause, Interlock
 from offboard.sampler.plan import Draw, Launch, Planner, contains
 from offboard.sampler.profile import clip, slew, stopping_speed
+from offboard.sampler.redraws import Redraw, Redraws, redraw_of
 from offboard.sampler.sampler_step import NOTHING, Action, Observation, Phase, Progress
 
 MOST_DRAWS = 10_000
@@ -22,6 +24,12 @@ STANDING_S = 0.25
 HEADING_GAIN_PER_S = 2.0
 STEERING_DISTANCE_M = 0.1
 """Nearer than this the bearing to the target is noise, and the robot drives straight on."""
+STRAY_M = 0.05
+"""A run ends where it leaves Z, then the robot brakes; from there it may come back."""
+ON_THE_WAY = (Phase.ROTATE_TO_TARGET, Phase.DRIVE, Phase.ROTATE_TO_HEADING, Phase.SETTLE)
+TO_BE_MENDED = (Cause.MOTION, Cause.FLOOR)
+"""What ends the session while the robot is driven: nothing that passes, and no commander's hold."""
+UNSEEN = Interlock("tracking lost", cause=Cause.TRACKING)
 
 
 class Sampler:
@@ -43,9 +51,11 @@ class Sampler:
         self.runs = before.runs
         self.done = before.done
         self.frames = before.frames
-        self.redraws: Counter[str] = Counter()
-        if before.redraws:
-            self.redraws["before the interruption"] = before.redraws
+        self.redraws = Redraws(config.sampler.largest_redraws_in_a_row, before.redraws)
+        self.waits_for: Interlock | None = None
+        """What a robot that stands waits for."""
+        self.reason = ""
+        """Why the session ends before all segments are recorded; empty if it does not."""
         self.total = settings.segments_per_basis * len(settings.basis_inputs)
         self._settings = settings
         self._planner = planner
@@ -59,16 +69,23 @@ class Sampler:
         self._launch = Launch(0, (0.0, 0.0))
         self._steps = 0
         self._since_us = 0
+        self._waits_since_us: int | None = None
+        self._excess_m = 0.0
+
+    @property
+    def driving(self) -> bool:
+        """Return whether the robot moves, or is about to."""
+        return self._velocity != REST or self.phase not in (Phase.WAIT, Phase.BRAKE, Phase.DONE)
 
     @property
     def basis_index(self) -> int:
         """Index of the basis input that is next or now applied; they take turns."""
         return list(self._inputs)[self.done % len(self._inputs)]
 
-    def see_frame(self) -> None:
-        """Count a tracked camera frame if a basis input is being applied."""
+    def see_frames(self, number: int) -> None:
+        """Count tracked camera frames if a basis input is being applied."""
         if self.phase is Phase.BASIS:
-            self.frames += 1
+            self.frames += number
 
     def step(self, seen: Observation, now_us: int) -> Action:
         """Return what to command for the next control interval.
@@ -97,13 +114,13 @@ class Sampler:
         if self.phase is Phase.DONE:
             return self._towards(REST)
         if self.phase is Phase.WAIT:
-            if seen.ready and seen.pose is not None:
+            if self._is_ready(seen, now_us) or self.reason:
                 self._enter(Phase.BRAKE, now_us)
                 return None
             return self._towards(REST)
         if self.phase is Phase.BRAKE:
             return self._brake(seen, now_us)
-        assert seen.pose is not None  # by _check
+        assert seen.pose is not None  # by _give_up_if_hindered
         if self.phase is Phase.DRIVE:
             return self._drive(seen.pose, now_us)
         if self.phase is Phase.SETTLE:
@@ -117,16 +134,45 @@ class Sampler:
     def _give_up_if_hindered(self, seen: Observation, now_us: int) -> None:
         """Give the run up where it cannot go on."""
         limit_us = round(self._settings.phase_time_limit_s * US_PER_S)
-        if seen.pose is None:
-            self._give_up("tracking lost", now_us)
-        elif not seen.ready:
-            self._give_up("onboard loop or logger silent", now_us)
+        interlock = self._interlock(seen)
+        if interlock is not None:
+            if interlock.cause in TO_BE_MENDED:
+                self.reason = interlock.reason
+            self._give_up(redraw_of(interlock), now_us)
         elif self.phase is not Phase.BASIS and now_us - self._since_us > limit_us:
-            self._give_up("phase took too long", now_us)
+            self._give_up(Redraw.TOOK_TOO_LONG, now_us)
         elif self.phase in (Phase.LAUNCH, Phase.BASIS) and self._is_late(now_us):
-            self._give_up("commands came too late", now_us)
-        elif self.phase is Phase.LAUNCH and not self._inside(seen.pose, self._velocity):
-            self._give_up("left Z during the launch", now_us)
+            self._give_up(Redraw.COMMANDS_LATE, now_us)
+        elif seen.pose is not None and self.phase in ON_THE_WAY and self._strays(seen.pose):
+            self._give_up(Redraw.LEFT_Z_ON_THE_WAY, now_us)
+        elif (
+            seen.pose is not None
+            and self.phase is Phase.LAUNCH
+            and not self._inside(seen.pose, self._velocity)
+        ):
+            self._give_up(Redraw.LEFT_Z_IN_LAUNCH, now_us)
+
+    def _interlock(self, seen: Observation) -> Interlock | None:
+        return seen.interlock or (UNSEEN if seen.pose is None else None)
+
+    def _is_ready(self, seen: Observation, now_us: int) -> bool:
+        """Return whether a robot that stands may be driven; it waits for so long only."""
+        self.waits_for = interlock = self._interlock(seen)
+        if interlock is None:
+            self._waits_since_us = None
+            return True
+        if self._waits_since_us is None:
+            self._waits_since_us = now_us
+        limit_s = self._settings.wait_limit_s
+        if now_us - self._waits_since_us >= round(limit_s * US_PER_S):
+            self.reason = f"waited {limit_s:g} s in vain (sampler.wait_limit_s): {interlock.reason}"
+        return False
+
+    def _strays(self, pose: Pose) -> bool:
+        """Return whether the robot leaves the positions of Z, or goes farther away from them."""
+        excess = excess_m(self._settings.admissible_set, pose.x1, pose.x2)
+        self._excess_m = min(self._excess_m, excess)
+        return excess > self._excess_m + STRAY_M
 
     def _is_late(self, now_us: int) -> bool:
         """Return whether the motor loop has heard nothing for so long that it began to brake.
@@ -178,11 +224,11 @@ class Sampler:
                 self._distance(pose) > self._settings.position_tolerance_m
                 or turned > self._settings.angle_tolerance_rad
             ):
-                self._give_up("missed the drawn pose", now_us)
+                self._give_up(Redraw.MISSED_POSE, now_us)
                 return None
             u = self._inputs[self.basis_index]
             if not self._planner.worth_driving(pose, self._launch, u):
-                self._give_up("run would leave Z too soon", now_us)
+                self._give_up(Redraw.RUN_WOULD_LEAVE_Z, now_us)
                 return None
             self._enter(Phase.LAUNCH, now_us)
             return None
@@ -201,8 +247,9 @@ class Sampler:
             return u
         if self._steps >= self._settings.smallest_steps:
             self.done += 1
+            self.redraws.succeed()
         else:
-            self.redraws["left Z too soon"] += 1
+            self._count(Redraw.LEFT_Z_TOO_SOON)
         self.runs += 1
         self._enter(Phase.BRAKE, now_us)
         return None
@@ -218,12 +265,14 @@ class Sampler:
             # Commands were lost on the way: the robot still moves by what they would have taken.
             self._velocity = setpoint
             return self._towards(REST)
-        if self.done == self.total:
+        if self.done == self.total or self.reason:
             self._enter(Phase.DONE, now_us)
             return None
-        if seen.pose is None or not seen.ready:
+        if not self._is_ready(seen, now_us):
             return self._towards(REST)
+        assert seen.pose is not None  # by _is_ready
         self._draw_next()
+        self._excess_m = excess_m(self._settings.admissible_set, seen.pose.x1, seen.pose.x2)
         self._enter(Phase.ROTATE_TO_TARGET, now_us)
         return None
 
@@ -234,18 +283,22 @@ class Sampler:
             self._launch = self._planner.launch(self._draw.velocity)
             if self._planner.worth_driving(self._draw.pose, self._launch, u):
                 return
-            self.redraws["drawn state leaves Z too soon"] += 1
+            self.redraws.add_draw()
         raise LabStateError(
             f"sampler: none of {MOST_DRAWS} states drawn from sampler.draw_set stays in "
             f"sampler.admissible_set for {self._settings.smallest_steps} steps of basis input {u}; "
             "enlarge the set or lower sampler.smallest_steps"
         )
 
-    def _give_up(self, reason: str, now_us: int) -> None:
+    def _give_up(self, reason: Redraw, now_us: int) -> None:
         if self.phase is Phase.BASIS:
             self.runs += 1
-        self.redraws[reason] += 1
+        self._count(reason)
         self._enter(Phase.BRAKE, now_us)
+
+    def _count(self, reason: Redraw) -> None:
+        self.redraws.add(reason)
+        self.reason = self.reason or self.redraws.too_many
 
     def _enter(self, phase: Phase, now_us: int) -> None:
         self.phase = phase

@@ -6,6 +6,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from koopman_lab.geometry.planar import Pose, Velocity
+from offboard.desk.interlock import Interlock
 
 
 class Phase(IntEnum):
@@ -25,13 +26,13 @@ class Phase(IntEnum):
 class Observation(NamedTuple):
     """What the sampler sees in a step.
 
-    ``pose`` is None while tracking is lost; ``setpoint`` is what the motor loop reports; ``ready``
-    is false while the motor loop or the logger is silent.
+    ``pose`` is None while tracking is lost; ``setpoint`` is what the motor loop reports;
+    ``interlock`` is why the robot must not be driven, None if it may be.
     """
 
     pose: Pose | None
     setpoint: Velocity | None
-    ready: bool
+    interlock: Interlock | None
 
 
 class Action(NamedTuple):

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import Pose, Velocity, compose, wrap_angle
 from koopman_lab.robots.table import robot_type
-from offboard.controller.estimate import Frame, StateEstimator, WheelSpeeds, oldest_wheels_s
+from offboard.controller.estimate import StateEstimator, oldest_wheels_s
+from offboard.desk.measurements import Frame, WheelSpeeds
 
 FINITE = st.floats(-3.0, 3.0)
 ORIGIN = Pose(0.0, 0.0, 0.0)

@@ -67,9 +67,13 @@ def test_that_rule_gives_the_fingerprints_of_today():
         assert lcm_fingerprint(fields(kind)) == kind._get_packed_fingerprint()
 
 
+def two_inputs(old):
+    return {"inputs": 2, "u": (old["u1"], old["u2"], *[0.0] * 6)} if "u1" in old else {}
+
+
 EXPECTED = {
-    lcmtypes.sampler_state_t: lambda old: {"inputs": 2, "u": (old["u1"], old["u2"], *[0.0] * 6)},
-    lcmtypes.reference_state_t: lambda old: {"inputs": 2, "u": (old["u1"], old["u2"], *[0.0] * 6)},
+    lcmtypes.sampler_state_t: lambda old: {"redraws_by_reason": (0,) * 16, **two_inputs(old)},
+    lcmtypes.reference_state_t: two_inputs,
     lcmtypes.mpc_state_t: lambda old: {
         "inputs": 2,
         "u": (*old["u"], *[0.0] * 6),

@@ -74,7 +74,7 @@ def test_a_comparison_reads_its_model_once_and_makes_a_solver_for_each_controlle
     [
         (["controller.dt_s=0.1"], GOAL, ModelError, "sampling time"),
         (["controller.cost=ds"], GOAL, ConfigError, "controller.weights"),
-        ([], Pose(99.0, 0.0, 0.0), LabStateError, "goal_area"),
+        ([], Pose(99.0, 0.0, 0.0), LabStateError, "floor"),
         ([], GOAL, None, ""),
     ],
 )

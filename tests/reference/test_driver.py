@@ -4,11 +4,13 @@ import pytest
 
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import Pose
+from offboard.desk.interlock import Cause, Interlock
 from offboard.reference.reference_driver import Observation, Phase, ReferenceDriver
 
 START = Pose(0.7, 0.1, -0.8)
 INPUTS = [(0.2, 0.0), (0.0, 0.3), (-0.2, -0.3)]
 DT_US = 50_000
+SILENT = Interlock("onboard loop silent", cause=Cause.SILENCE)
 
 
 class Robot:
@@ -17,11 +19,11 @@ class Robot:
     def __init__(self, runs=2):
         self.driver = ReferenceDriver(load_config(robot="dynamic"), START, INPUTS, runs)
         self.pose, self.now_us = Pose(0.0, 0.0, 0.0), 0
-        self.ready, self.holding, self.hands = True, False, True
+        self.interlock, self.holding, self.hands = None, False, True
         self.actions = []
 
     def tick(self):
-        seen = Observation(self.pose, self.now_us, self.ready, self.holding, not self.holding)
+        seen = Observation(self.pose, self.now_us, self.interlock, self.holding, not self.holding)
         action = self.driver.step(seen, self.now_us)
         if action.place and self.hands:
             self.pose = START
@@ -58,7 +60,7 @@ def test_each_run_drives_exactly_the_inputs_from_a_stand_at_the_start():
 
 def test_nothing_moves_before_all_are_ready():
     robot = Robot()
-    robot.ready = False
+    robot.interlock = SILENT
     for _ in range(10):
         action = robot.tick()
         assert (action.phase, action.u, action.release, action.place) == (
@@ -92,13 +94,13 @@ def test_a_run_waits_until_the_motor_loop_obeys():
     assert robot.tick().phase is Phase.RUN
 
 
-@pytest.mark.parametrize("lost", ["ready", "holding"])
+@pytest.mark.parametrize("lost", [{"interlock": SILENT}, {"holding": False}])
 def test_a_run_that_is_cut_off_is_driven_again(lost):
     robot = Robot(runs=1)
     robot.until(Phase.RUN)
-    setattr(robot, lost, False)
+    vars(robot).update(lost)
     assert robot.tick().phase is Phase.STOP
-    robot.ready = True
+    robot.interlock = None
     robot.until(Phase.DONE)
     assert sum(robot.driver.repeated.values()) == 1
     assert [a.step for a in robot.actions if a.phase is Phase.RUN and a.run == 1] == [0, 1, 2]

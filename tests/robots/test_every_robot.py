@@ -176,7 +176,7 @@ def test_its_default_configuration_loads_and_fits(robot, preset):
 
 @every_robot
 def test_starts_are_poses_on_the_floor_and_times_are_positive(robot):
-    area, runs = load_config(robot=robot.name).controller.goal_area, robot.runs
+    area, runs = load_config(robot=robot.name).floor, robot.runs
     for start in (runs.park_start, runs.simulate_start):
         x = robot.state(start)
         assert x.shape == (robot.state_dim,)

@@ -8,12 +8,14 @@ from hypothesis import strategies as st
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import REST, Pose, Velocity, compose, move_along_arc
+from offboard.desk.interlock import Cause, Interlock
 from offboard.sampler.plan import Planner, contains
 from offboard.sampler.profile import stopping_speed
 from offboard.sampler.sampler import Sampler
 from offboard.sampler.sampler_step import Observation, Phase
 
 DT_S = 0.05
+SILENT = Interlock("onboard loop silent", cause=Cause.SILENCE)
 
 
 class World:
@@ -23,11 +25,11 @@ class World:
         self.config = load_config(robot=robot, overrides=overrides)
         self.sampler = Sampler(self.config, Planner(self.config, np.random.default_rng(3)))
         self.pose, self.velocity, self.now_us = Pose(0.2, 0.1, 0.5), REST, 0
-        self.tracked = self.ready = True
+        self.tracked, self.interlock = True, None
         self.actions = []
 
     def step(self):
-        seen = Observation(self.pose if self.tracked else None, self.velocity, self.ready)
+        seen = Observation(self.pose if self.tracked else None, self.velocity, self.interlock)
         action = self.sampler.step(seen, self.now_us)
         self.actions.append((action, self.pose, self.velocity))
         before = self.velocity
@@ -96,7 +98,7 @@ def test_lost_tracking_brakes_and_the_session_goes_on_afterwards(phase):
     for _ in range(60):
         assert world.step().phase is Phase.BRAKE
     assert world.velocity == pytest.approx(REST, abs=1e-9)
-    assert world.sampler.redraws["tracking lost"] == 1
+    assert world.sampler.redraws.by_text()["tracking lost"] == 1
     world.tracked = True
     world.run(lambda a: a.phase is Phase.DONE)
     assert world.sampler.done == 3
@@ -105,12 +107,12 @@ def test_lost_tracking_brakes_and_the_session_goes_on_afterwards(phase):
 def test_a_silent_logger_or_onboard_loop_brakes_and_the_session_goes_on_afterwards():
     world = World("kinematic", "sampler.segments_per_basis=1")
     world.run(lambda a: a.phase is Phase.BASIS)
-    world.ready = False
+    world.interlock = SILENT
     for _ in range(60):
         assert world.step().phase is Phase.BRAKE
     assert world.velocity == pytest.approx(REST, abs=1e-9)
-    assert world.sampler.redraws == {"onboard loop or logger silent": 1}
-    world.ready = True
+    assert world.sampler.redraws.by_text() == {"onboard loop or logger silent": 1}
+    world.interlock = None
     world.run(lambda a: a.phase is Phase.DONE)
     assert world.sampler.done == 2
 
@@ -127,7 +129,7 @@ def test_a_run_in_which_the_motor_loop_waited_in_vain_is_drawn_again(phase, miss
     world.now_us += missed * 50_000
     action = world.step()
     assert (action.phase is Phase.BRAKE) == (not kept)
-    assert world.sampler.redraws[LATE] == (not kept)
+    assert world.sampler.redraws.by_text().get(LATE, 0) == (not kept)
     world.run(lambda a: a.phase is Phase.DONE)
     assert world.sampler.done == world.sampler.total
 
@@ -138,12 +140,12 @@ def test_on_the_way_to_a_run_late_commands_cost_nothing(phase):
     world.run(lambda a: a.phase is phase)
     world.now_us += 9 * 50_000
     world.run(lambda a: a.phase is Phase.DONE)
-    assert not world.sampler.redraws[LATE]
+    assert LATE not in world.sampler.redraws.by_text()
 
 
 def test_nothing_moves_before_somebody_writes_it_down():
     world = World("kinematic")
-    world.ready = False
+    world.interlock = SILENT
     for _ in range(50):
         assert world.step().u == (0.0, 0.0)
     assert world.sampler.phase is Phase.WAIT
@@ -158,7 +160,7 @@ def test_a_robot_that_still_moves_after_lost_commands_is_brought_to_rest():
 
 
 def test_impossible_sets_end_with_a_remedy():
-    world = World("kinematic", "sampler.admissible_set.x1_m=[5.0, 6.0]")
+    world = World("kinematic", "sampler.admissible_set.x1_m=[2.0, 2.1]")
     with pytest.raises(LabStateError, match=r"lower sampler\.smallest_steps"):
         world.run(lambda a: a.phase is Phase.DONE)
 

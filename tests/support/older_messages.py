@@ -22,7 +22,8 @@ def encode(layout, numbers):
 
 def older(message):
     """Return a message of SAMPLER_STATE or REFERENCE_STATE as it was encoded with two inputs."""
-    (layout,) = (of for of in OLDER_LAYOUTS if of.message_type is type(message))
+    # Of several layouts of a type the oldest comes first.
+    layout = next(of for of in OLDER_LAYOUTS if of.message_type is type(message))
     two = {"u1": message.u[0], "u2": message.u[1]}
     names = [name for name, *_ in layout.fields]
     return encode(layout, {n: two[n] if n in two else getattr(message, n) for n in names})

@@ -32,7 +32,7 @@ from offboard.bench.faults.strikes import (
     wrong_model,
 )
 from offboard.controller.estimate import oldest_wheels_s
-from offboard.desk.commander import LOGGER_TIMEOUT_S
+from offboard.desk.drive_inputs import LOGGER_TIMEOUT_S
 
 GIVEN_UP_S = 11.0
 """In which a drive that cannot go on ends: silence noticed, pause, stop."""

@@ -25,7 +25,7 @@ from koopman_lab.units import US_PER_S
 from offboard.bench.faults.failing_solver import FailingSolver
 from offboard.bench.faults.stage import Stage
 from offboard.controller.node import ControllerNode
-from offboard.desk.goal_message import goal_message, require_reachable
+from offboard.desk.goal_message import goal_message, require_on_floor
 from offboard.sampler.node import SamplerNode
 
 CONTROLLER, BEGIN = lcmtypes.velocity_command_t.CONTROLLER, lcmtypes.velocity_command_t.BEGIN
@@ -74,7 +74,7 @@ def send_to(goal: Pose) -> Callable[[Stage], None]:
 
     def strike(stage: Stage) -> None:
         try:
-            require_reachable(goal, stage.config.controller)
+            require_on_floor(goal, stage.config.floor)
         except LabStateError as error:
             stage.message = str(error)
         stage.lab.publish(GOAL, goal_message(goal, stage.lab.now_us))

@@ -1,0 +1,161 @@
+"""What a node that drives the robot hears, and whether it may drive by it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import lcmtypes
+from koopman_lab.bus import channels
+from koopman_lab.bus.age import is_fresh
+from koopman_lab.bus.commanders import commander_name
+from koopman_lab.bus.node import Port
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.geometry.planar import ORIGIN, Pose, Velocity, compose, relative_to
+from koopman_lab.units import US_PER_S
+from offboard.desk.camera_stream import CameraStream
+from offboard.desk.commander import ONBOARD_TIMEOUT_S, why_stopped
+from offboard.desk.guard import Guard
+from offboard.desk.interlock import Cause, Interlock
+from offboard.desk.measurements import Frame, WheelSpeeds
+
+LOGGER_TIMEOUT_S = 2.0
+"""Four of its heartbeats."""
+SAY_AGAIN_US = 500_000
+"""So often is said why the robot is not driven."""
+
+NOTHING = Interlock("")
+
+
+class DriveInputs:
+    """The newest frames, wheels, status and heartbeats, and the guard's judgement of them.
+
+    Parameters
+    ----------
+    port, config
+        Of the node.
+    guard
+        Judges the motion.
+    commander
+        Number of who drives.
+    marker_offset
+        Pose of the tracked frame on the robot, where it is known: poses are then the robot's.
+    records
+        Whether every frame is needed, because a data set is made of them.
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        config: LabConfig,
+        guard: Guard,
+        commander: int,
+        *,
+        marker_offset: Pose = ORIGIN,
+        records: bool = False,
+    ) -> None:
+        self.guard = guard
+        self.frame: Frame | None = None
+        """Believed in the last step; None if none was."""
+        self.wheels: WheelSpeeds | None = None
+        """The newest wheel odometry."""
+        self.valid_frames = 0
+        """Number of frames since the step before in which the cameras saw the robot."""
+        self.interlock: Interlock | None = None
+        """Why the robot must not be driven in this step."""
+        self._port = port
+        self._commander = commander
+        self._robot_in_tracked_frame = relative_to(marker_offset, ORIGIN)
+        self._has_offset = marker_offset != ORIGIN
+        self._poses: list[lcmtypes.mocap_pose_t] = []
+        self._status: lcmtypes.onboard_status_t | None = None
+        self._logger: lcmtypes.logger_status_t | None = None
+        self._status_new_us = self._logger_new_us = 0
+        self._said = ""
+        self._said_us = 0
+        mocap = channels.MOCAP_POSE.name(config.robot.name)
+        self._stream = CameraStream(mocap, config.mocap.rate_hz) if records else None
+        port.subscribe(channels.MOCAP_POSE, self._poses.append)
+        port.subscribe(channels.WHEEL_STATE, self._on_wheels)
+        port.subscribe(channels.ONBOARD_STATUS, self._on_status)
+        port.subscribe(channels.LOGGER_STATUS, self._on_logger)
+
+    def step(self, now_us: int, *, driving: bool) -> None:
+        """Judge what has come since the last step."""
+        poses = self._poses
+        if self._stream is not None:
+            self._stream.take(poses)
+            self.valid_frames = sum(message.tracking_valid for message in poses)
+        self.frame = self.guard.see_frames(self._newest_first(), now_us, driving=driving)
+        poses.clear()
+        self.interlock = self._silence(now_us) or self.guard.interlock(now_us, driving=driving)
+        if self.interlock is None and self._stream is not None:
+            complaint = self._stream.complaint()
+            if complaint is not None:
+                self.interlock = Interlock(complaint, cause=Cause.STREAM)
+        if self._said or self.interlock is not None:
+            self._say(self.interlock or NOTHING, now_us)
+
+    def tracked(self, now_us: int) -> Frame | None:
+        """Return the newest frame that can be believed, None while tracking is lost."""
+        return self.guard.tracked(now_us)
+
+    def status(self, now_us: int) -> lcmtypes.onboard_status_t | None:
+        """Return the newest status of the motor loop, None while it is silent."""
+        status, limit_us = self._status, ONBOARD_TIMEOUT_S * US_PER_S
+        if status is None or not is_fresh(status.utime, self._status_new_us, now_us, limit_us):
+            return None
+        return status
+
+    def _silence(self, now_us: int) -> Interlock | None:
+        """Return why the motor loop would take no commands, or nobody would write them down."""
+        status = self.status(now_us)
+        if status is None:
+            return Interlock("onboard loop silent", cause=Cause.SILENCE)
+        why = why_stopped(status)
+        if why is not None:
+            return Interlock(f"onboard loop stopped: {why}", lasting=True, cause=Cause.HELD)
+        if status.commander not in (0, self._commander):
+            holder = commander_name(status.commander)
+            held = f"onboard loop held by {holder}"
+            return Interlock(held, lasting=True, cause=Cause.HELD)
+        logger, limit_us = self._logger, LOGGER_TIMEOUT_S * US_PER_S
+        if logger is None or not is_fresh(logger.utime, self._logger_new_us, now_us, limit_us):
+            return Interlock("logger silent", cause=Cause.SILENCE)
+        return None
+
+    def _say(self, interlock: Interlock, now_us: int) -> None:
+        """Publish what forbids driving, as soon as it changes and now and then."""
+        if interlock.reason == self._said and now_us - self._said_us < SAY_AGAIN_US:
+            return
+        self._said, self._said_us = interlock.reason, now_us
+        message = lcmtypes.interlock_t()
+        message.utime, message.commander = now_us, self._commander
+        message.lasting, message.reason = interlock.lasting, interlock.reason
+        self._port.publish(channels.INTERLOCK, message)
+
+    def _newest_first(self) -> Iterator[Frame]:
+        for message in reversed(self._poses):
+            pose = Pose(message.x1_m, message.x2_m, message.theta_rad)
+            # What is no number passes as it is: the guard refuses it.
+            if self._has_offset and all(map(math.isfinite, pose)):
+                pose = compose(pose, self._robot_in_tracked_frame)
+            yield Frame(message.utime, pose, message.tracking_valid)
+
+    def _on_wheels(self, message: lcmtypes.wheel_state_t) -> None:
+        velocity = Velocity(message.v_m_per_s, message.omega_rad_per_s)
+        self.wheels = WheelSpeeds(message.utime, velocity)
+        self.guard.see_wheels(self.wheels)
+
+    def _on_status(self, status: lcmtypes.onboard_status_t) -> None:
+        now_us = self._port.now_us()
+        if self._status is None or status.utime != self._status.utime:
+            self._status_new_us = now_us
+        self._status = status
+        setpoint = Velocity(status.v_setpoint_m_per_s, status.omega_setpoint_rad_per_s)
+        self.guard.see_setpoint(setpoint, now_us)
+
+    def _on_logger(self, message: lcmtypes.logger_status_t) -> None:
+        if self._logger is None or message.utime != self._logger.utime:
+            self._logger_new_us = self._port.now_us()
+        self._logger = message

@@ -1,0 +1,85 @@
+"""The allowed area of the floor, and where a robot that brakes now would stand."""
+
+from __future__ import annotations
+
+import math
+
+from koopman_lab.config.schema import Area, LabConfig
+from koopman_lab.geometry.planar import Pose
+from offboard.desk.interlock import Cause, Interlock
+
+OTHER_UNIT = 20.0
+"""So many floors away stands no robot: its pose is in another unit."""
+BY_HAND_M_PER_S = 0.1
+"""A robot that stands outside is driven back in no faster, and by a person only."""
+
+
+def excess_m(area: Area, x1: float, x2: float) -> float:
+    """Return how far a point (m) lies outside an area; 0 inside of it."""
+    (low1, high1), (low2, high2) = area.x1_m, area.x2_m
+    return math.hypot(max(low1 - x1, 0.0, x1 - high1), max(low2 - x2, 0.0, x2 - high2))
+
+
+class Floor:
+    """Judges whether a robot may go on as it moves.
+
+    Parameters
+    ----------
+    config
+        The area, the limits of the motor loop, and how long a command may be on its way.
+    by_hand
+        Whether a person drives, who may bring a robot back that stands outside.
+    """
+
+    def __init__(self, config: LabConfig, *, by_hand: bool = False) -> None:
+        self._area = config.floor
+        loop = config.motor_loop
+        # The slowest way to a stop: no command arrives any more, and the watchdog has to wait.
+        self._reaction_s = loop.watchdog_s + config.controller.dt_s
+        self._braking_m_per_s2 = loop.limits.a_m_per_s2
+        self._by_hand = by_hand
+
+    def braking_m(self, v_m_per_s: float) -> float:
+        """Return the way (m) on which a robot at this speed (m/s) comes to rest, signed like it."""
+        speed = abs(v_m_per_s)
+        way = speed * self._reaction_s + speed * speed / (2.0 * self._braking_m_per_s2)
+        return math.copysign(way, v_m_per_s)
+
+    def interlock(self, pose: Pose, v_m_per_s: float) -> Interlock | None:
+        """Return why a robot at a pose and forward speed (m/s) must not drive on, None if it may.
+
+        Whoever stands inside may drive as long as it could stop inside. Whoever stands outside may
+        only be driven back, slowly and by hand.
+        """
+        way = self.braking_m(v_m_per_s)
+        end1, end2 = pose.x1 + way * math.cos(pose.theta), pose.x2 + way * math.sin(pose.theta)
+        (low1, high1), (low2, high2) = self._area.x1_m, self._area.x2_m
+        stops_inside = low1 <= end1 <= high1 and low2 <= end2 <= high2
+        excess = excess_m(self._area, pose.x1, pose.x2)
+        if excess == 0.0 and stops_inside:
+            return None
+        if excess == 0.0:
+            return Interlock(
+                f"about to leave the floor {self._place(pose)}", lasting=True, cause=Cause.FLOOR
+            )
+        comes_back = excess_m(self._area, end1, end2) <= excess
+        if self._by_hand and comes_back and abs(v_m_per_s) <= BY_HAND_M_PER_S:
+            return None
+        return Interlock(
+            f"outside the floor {self._place(pose)}{self._hint(excess)}",
+            lasting=True,
+            cause=Cause.FLOOR,
+        )
+
+    def _place(self, pose: Pose) -> str:
+        (low1, high1), (low2, high2) = self._area.x1_m, self._area.x2_m
+        return (
+            f"at x1 = {pose.x1:.2f} m, x2 = {pose.x2:.2f} m; it ends at [{low1:g}, {high1:g}] m, "
+            f"[{low2:g}, {high2:g}] m (floor.x1_m, floor.x2_m)"
+        )
+
+    def _hint(self, excess: float) -> str:
+        (low1, high1), (low2, high2) = self._area.x1_m, self._area.x2_m
+        if excess > OTHER_UNIT * max(high1 - low1, high2 - low2):
+            return "; the cameras send another unit than m, or see another body"
+        return "; place the robot inside, or see whether the axes of the cameras' frame are right"
