@@ -39,24 +39,7 @@ def translate(values: Mapping[str, Any]) -> dict[str, Any]:
             for part in reversed(new):
                 value = {part: value}
             translated = merge(value, translated)
-    had_goal_area = "goal_area" in _section(values, "controller")
-    return _with_floor_around_sets(translated) if had_goal_area else translated
-
-
-def _section(values: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    section = values.get(name)
-    return section if isinstance(section, Mapping) else {}
-
-
-def _with_floor_around_sets(values: dict[str, Any]) -> dict[str, Any]:
-    """Return a record whose floor holds the sampler's sets, as it did not have to before."""
-    floor, sampler = dict(_section(values, "floor")), _section(values, "sampler")
-    for name in ("draw_set", "admissible_set"):
-        for side, ends in _section(sampler, name).items():
-            if isinstance(floor.get(side), list) and isinstance(ends, list):
-                both = [*floor[side], *ends]
-                floor[side] = [min(both), max(both)]
-    return values | {"floor": floor}
+    return translated
 
 
 def moved(values: Mapping[str, Any]) -> Iterator[tuple[Key, Key]]:

@@ -270,27 +270,6 @@ class LabConfig(Section):
         return self
 
     @model_validator(mode="after")
-    def _stays_on_the_floor(self) -> LabConfig:
-        drawn, allowed, floor = self.sampler.draw_set, self.sampler.admissible_set, self.floor
-        infinity, square = self.reference.infinity.start_pose, self.reference.square.start_pose
-        for name, (inner_low, inner_high), side, (low, high) in (
-            ("sampler.draw_set.x1_m", drawn.x1_m, "x1_m", floor.x1_m),
-            ("sampler.draw_set.x2_m", drawn.x2_m, "x2_m", floor.x2_m),
-            ("sampler.admissible_set.x1_m", allowed.x1_m, "x1_m", floor.x1_m),
-            ("sampler.admissible_set.x2_m", allowed.x2_m, "x2_m", floor.x2_m),
-            ("reference.infinity.start_pose.0", infinity[:1] * 2, "x1_m", floor.x1_m),
-            ("reference.infinity.start_pose.1", infinity[1:2] * 2, "x2_m", floor.x2_m),
-            ("reference.square.start_pose.0", square[:1] * 2, "x1_m", floor.x1_m),
-            ("reference.square.start_pose.1", square[1:2] * 2, "x2_m", floor.x2_m),
-        ):
-            if not low <= inner_low <= inner_high <= high:
-                raise ValueError(
-                    f"{name} reaches to {inner_low:g}, {inner_high:g} m, beyond floor.{side} "
-                    f"[{low:g}, {high:g}], where the robot must not be driven"
-                )
-        return self
-
-    @model_validator(mode="after")
     def _fits_the_robot(self) -> LabConfig:
         require_fit(self, robot_type(self.robot.kind))
         # Whether a cost of another package has weights of its own, it is asked where it is built.

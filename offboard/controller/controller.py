@@ -16,7 +16,7 @@ from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 from offboard.controller.controller_step import Inputs, Outputs, State
 from offboard.controller.estimate import StateEstimator
-from offboard.desk.goal_message import require_on_floor
+from offboard.desk.floor import require_on_floor
 from offboard.desk.interlock import Interlock
 from offboard.desk.results import Pause
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from koopman_lab.config.schema import Area, LabConfig
+from koopman_lab.errors import ConfigError, LabStateError
 from koopman_lab.geometry.planar import Pose
 from offboard.desk.interlock import Cause, Interlock
 
@@ -18,6 +19,56 @@ def excess_m(area: Area, x1: float, x2: float) -> float:
     """Return how far a point (m) lies outside an area; 0 inside of it."""
     (low1, high1), (low2, high2) = area.x1_m, area.x2_m
     return math.hypot(max(low1 - x1, 0.0, x1 - high1), max(low2 - x2, 0.0, x2 - high2))
+
+
+def require_on_floor(pose: Pose, floor: Area, what: str = "goal") -> None:
+    """Refuse a pose that is none, or outside the floor.
+
+    Parameters
+    ----------
+    pose
+        In the inertial frame.
+    floor
+        Where the robot may be driven.
+    what
+        What the pose is, in a word for a person.
+
+    Raises
+    ------
+    LabStateError
+        With the pose, the bounds and the key that sets them.
+    """
+    if not all(map(math.isfinite, pose)):
+        raise LabStateError(f"{what}: a pose needs three numbers, x1 and x2 in m and an angle")
+    for name, value, (low, high) in (
+        ("x1", pose.x1, floor.x1_m),
+        ("x2", pose.x2, floor.x2_m),
+    ):
+        if not low <= value <= high:
+            raise LabStateError(
+                f"{what}: {name} = {value:g} m is outside [{low:g}, {high:g}] m; choose another, "
+                f"or enlarge floor.{name}_m if the floor is free there"
+            )
+
+
+def require_sets_on_floor(config: LabConfig) -> None:
+    """Refuse sets of the sampler that reach beyond the floor.
+
+    Raises
+    ------
+    ConfigError
+        With the set, the floor and the keys that set them.
+    """
+    for name in ("draw_set", "admissible_set"):
+        for side in ("x1_m", "x2_m"):
+            low, high = getattr(getattr(config.sampler, name), side)
+            floor_low, floor_high = getattr(config.floor, side)
+            if not floor_low <= low <= high <= floor_high:
+                raise ConfigError(
+                    f"sampler.{name}.{side}: [{low:g}, {high:g}] m reaches beyond the floor, "
+                    f"[{floor_low:g}, {floor_high:g}] m; make it smaller, or enlarge floor.{side} "
+                    "if the floor is free there"
+                )
 
 
 class Floor:

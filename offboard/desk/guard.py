@@ -33,8 +33,7 @@ class Guard:
     timeout_s
         Age over which a camera frame counts for nothing (s).
     lever_m
-        How far the tracked point may be from the axle's middle (m); None for as far as the robot is
-        wide to either side.
+        How far the tracked point may be from the axle's middle (m); None where nobody knows.
     by_hand
         Whether a person drives, who may bring a robot back that stands outside the floor.
     """
@@ -97,8 +96,9 @@ class Guard:
         if frame is None:
             return None
         if self._gate.relocated:
-            self.restart()
-            self._gate.believed = frame
+            self._seen_m_per_s = 0.0
+            if self._check is not None:
+                self._check.restart()
         elif before is not None and frame.utime - before.utime >= SHORTEST_STEP_US:
             self._seen_m_per_s = _forward_m_per_s(before, frame)
         if self._check is not None:

@@ -27,6 +27,10 @@ FORWARD_SHARE, SIDEWAYS_SHARE, TURN_SHARE = 0.5, 0.35, 0.5
 """Of the way, or the turn: `harsh` slips by 0.1 of it sideways, and its wheels are 3 % wrong."""
 FORWARD_M, SIDEWAYS_M, TURN_RAD = 0.02, 0.015, 0.15
 """On top: noise, and wheels whose stamps are off until the board knows the time."""
+STANDS_M, STANDS_RAD, STANDS_SHARE = 0.01, 0.05, 0.05
+"""Who moves no more than noise, or than a small share of what the other source says, stands."""
+LEVER = 0.35
+"""Nobody tracks a point farther from the axle's middle, as a share of the track width."""
 MARKER_M = 0.02
 """How far a tracked frame can be off whose offset was taken out."""
 COMMANDED_US = 2_000_000
@@ -52,11 +56,12 @@ class MotionCheck:
     config
         The robot's geometry.
     lever_m
-        How far the tracked point may be from the axle's middle (m): turning moves it so much.
+        How far the tracked point may be from the axle's middle (m): turning moves it so much; None
+        where nobody knows.
     """
 
     def __init__(self, config: LabConfig, lever_m: float | None = None) -> None:
-        self._lever_m = 0.5 * config.robot.track_width_m if lever_m is None else lever_m
+        self._lever_m = LEVER * config.robot.track_width_m if lever_m is None else lever_m
         self._seen, self._rolled = MotionTrack(), MotionTrack()
         self._commanded: deque[Commanded] = deque()
         self._frame: Frame | None = None
@@ -208,14 +213,17 @@ SIDEWAYS_CAUSES = (
     "the axes of the cameras' frame (x1 and x2 exchanged, or turned), its handedness, the "
     "orientation of the rigid body, then whether another body is tracked"
 )
-BOTH_REVERSED_CAUSES = "whether motors and encoders of both wheels are reversed"
+BOTH_REVERSED_CAUSES = (
+    "the axes of the cameras' frame, its handedness (angles clockwise), then whether motors and "
+    "encoders of both wheels are reversed"
+)
 TURN_REVERSED_CAUSES = (
     "the handedness of the cameras' frame (an axis mirrored, angles clockwise), then whether left "
-    "and right wheel are exchanged"
+    "and right wheel are exchanged, or both are reversed"
 )
 FORWARD_REVERSED_CAUSES = (
     "the orientation of the rigid body (its forward axis points backwards), then whether left and "
-    "right wheel are exchanged and reversed"
+    "right wheel are exchanged and reversed, or both are reversed"
 )
 SIZE_CAUSES = (
     "the units of the cameras' frame (m, rad), robot.wheel_radius_m, robot.track_width_m and "
@@ -237,8 +245,8 @@ def _opposite(a: float, b: float) -> bool:
 
 def _stands(one: Motion, other: Motion) -> bool:
     """Return whether one source tells of next to no motion beside the other."""
-    return one.path_m <= FORWARD_M + 0.1 * other.path_m and one.swept_rad <= (
-        TURN_RAD + 0.1 * other.swept_rad
+    return abs(one.forward_m) <= STANDS_M + STANDS_SHARE * other.path_m and (
+        abs(one.turned_rad) <= STANDS_RAD + STANDS_SHARE * other.swept_rad
     )
 
 

@@ -10,7 +10,8 @@ from koopman_lab.bus.channel import Channel, M
 from koopman_lab.bus.channels import ESTOP, GOAL
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose
-from offboard.desk.goal_message import goal_message, require_on_floor
+from offboard.desk.floor import require_on_floor
+from offboard.desk.goal_message import goal_message
 
 TRIES = 100
 WAIT_S = 0.02

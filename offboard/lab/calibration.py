@@ -11,6 +11,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.errors import LabError
+from offboard.desk.floor import require_sets_on_floor
 from offboard.desk.results import CalibrationOutcome, CalibrationSummary
 from offboard.lab.run_folder import RunFolder
 from offboard.lab.session_kind import Progress, SessionKind
@@ -133,6 +134,7 @@ def calibrate(
     LabError
         If the session cannot be run.
     """
+    require_sets_on_floor(config)
     session = session or Calibration()
     run = run_session(session, config, folder, listener)
     log = SessionLog(folder.log, salvage=session.before is not None)

@@ -79,7 +79,7 @@ class Parking(SessionKind["ControllerNode", ParkOutcome]):
             If the robot must not be sent to the goal.
         """
         from koopman_lab.mpc.receding_horizon import planning_problem
-        from offboard.desk.goal_message import require_on_floor
+        from offboard.desk.floor import require_on_floor
 
         planning_problem(self._prediction_model(config), config)
         require_on_floor(self.goal, config.floor)

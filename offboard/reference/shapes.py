@@ -14,6 +14,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ConfigError
 from koopman_lab.geometry.planar import REST, Pose, Velocity
 from koopman_lab.robots.table import robot_type
+from offboard.desk.floor import require_on_floor
 
 CLOSING_SWING_RAD = 2.404825557695773
 """The first zero of the Bessel function J0: a heading that swings by it, like a cosine in time and
@@ -30,10 +31,18 @@ class Shape(IntEnum):
 
 
 def start_pose(config: LabConfig, shape: Shape) -> Pose:
-    """Return where the robot is placed before each run."""
+    """Return where the robot is placed before each run.
+
+    Raises
+    ------
+    LabStateError
+        If that is outside the floor.
+    """
     reference = config.reference
     settings = reference.infinity if shape is Shape.INFINITY else reference.square
-    return Pose(*settings.start_pose)
+    start = Pose(*settings.start_pose)
+    require_on_floor(start, config.floor, f"reference.{shape.name.lower()}.start_pose")
+    return start
 
 
 def input_sequence(config: LabConfig, shape: Shape) -> list[tuple[float, float]]:

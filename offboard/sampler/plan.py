@@ -11,6 +11,7 @@ from koopman_lab.config import schema
 from koopman_lab.config.schema import LabConfig, StateSet
 from koopman_lab.geometry.planar import REST, Pose, Velocity, move_along_arc, wrap_angle
 from koopman_lab.robots.table import robot_type
+from offboard.desk.floor import require_sets_on_floor
 
 
 class Draw(NamedTuple):
@@ -48,9 +49,12 @@ class Planner:
     ------
     LabStateError
         If the robot does not roll on two driven wheels.
+    ConfigError
+        If the sets reach beyond the floor.
     """
 
     def __init__(self, config: LabConfig, rng: np.random.Generator) -> None:
+        require_sets_on_floor(config)
         self._sampler: schema.Sampler = config.sampler
         self._dt_s = config.controller.dt_s
         robot = robot_type(config.robot.kind)

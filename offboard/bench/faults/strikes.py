@@ -25,7 +25,8 @@ from koopman_lab.units import US_PER_S
 from offboard.bench.faults.failing_solver import FailingSolver
 from offboard.bench.faults.stage import Stage
 from offboard.controller.node import ControllerNode
-from offboard.desk.goal_message import goal_message, require_on_floor
+from offboard.desk.floor import require_on_floor
+from offboard.desk.goal_message import goal_message
 from offboard.sampler.node import SamplerNode
 
 CONTROLLER, BEGIN = lcmtypes.velocity_command_t.CONTROLLER, lcmtypes.velocity_command_t.BEGIN
