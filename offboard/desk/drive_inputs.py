@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.age import is_fresh
+from koopman_lab.bus.age import is_current, is_fresh
+from koopman_lab.bus.channel import Channel
 from koopman_lab.bus.commanders import commander_name
 from koopman_lab.bus.node import Port
+from koopman_lab.bus.publishers import NamedIdentity, identity_faults
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import ORIGIN, Pose, Velocity, compose, relative_to
 from koopman_lab.units import US_PER_S
@@ -24,6 +27,13 @@ LOGGER_TIMEOUT_S = 2.0
 SAY_AGAIN_US = 500_000
 """So often is said why the robot is not driven."""
 
+LOOK_US = 400_000
+"""So often is looked whether somebody else speaks for the robot."""
+WATCHED: tuple[Channel[Any], ...] = (
+    *(channels.MOCAP_POSE, channels.WHEEL_STATE),
+    channels.ONBOARD_STATUS,
+)
+"""What tells of the robot."""
 NOTHING = Interlock("")
 
 
@@ -63,7 +73,7 @@ class DriveInputs:
         """Number of frames since the step before in which the cameras saw the robot."""
         self.interlock: Interlock | None = None
         """Why the robot must not be driven in this step."""
-        self._port = port
+        self._port, self._config = port, config
         self._commander = commander
         self._robot_in_tracked_frame = relative_to(marker_offset, ORIGIN)
         self._has_offset = marker_offset != ORIGIN
@@ -71,6 +81,8 @@ class DriveInputs:
         self._status: lcmtypes.onboard_status_t | None = None
         self._logger: lcmtypes.logger_status_t | None = None
         self._status_new_us = self._logger_new_us = 0
+        self._others: Interlock | None = None
+        self._looked_us = -LOOK_US
         self._said = ""
         self._said_us = 0
         mocap = channels.MOCAP_POSE.name(config.robot.name)
@@ -88,7 +100,11 @@ class DriveInputs:
             self.valid_frames = sum(message.tracking_valid for message in poses)
         self.frame = self.guard.see_frames(self._newest_first(), now_us, driving=driving)
         poses.clear()
-        self.interlock = self._silence(now_us) or self.guard.interlock(now_us, driving=driving)
+        self.interlock = (
+            self._silence(now_us)
+            or self._second_publisher(now_us)
+            or self.guard.interlock(now_us, driving=driving)
+        )
         if self.interlock is None and self._stream is not None:
             complaint = self._stream.complaint()
             if complaint is not None:
@@ -133,6 +149,23 @@ class DriveInputs:
         message.utime, message.commander = now_us, self._commander
         message.lasting, message.reason = interlock.lasting, interlock.reason
         self._port.publish(channels.INTERLOCK, message)
+
+    def _second_publisher(self, now_us: int) -> Interlock | None:
+        """Return who else uses the robot's name, as of the last look."""
+        if not is_current(self._looked_us, now_us, LOOK_US):
+            self._looked_us = now_us
+            streams = [
+                NamedIdentity(
+                    channel.name(self._config.robot.name),
+                    channel,
+                    self._port.publishers(channel),
+                    nominal_hz=channel.rate_hz(self._config),
+                )
+                for channel in WATCHED
+            ]
+            faults = "; ".join(identity_faults(streams))
+            self._others = Interlock(faults, cause=Cause.STREAM) if faults else None
+        return self._others
 
     def _newest_first(self) -> Iterator[Frame]:
         for message in reversed(self._poses):
