@@ -11,6 +11,9 @@ from offboard.desk.interlock import Cause, Interlock
 
 OTHER_UNIT = 20.0
 """So many floors away stands no robot: its pose is in another unit."""
+TOO_FAST = 2.0
+"""So many times as fast as it may be is no robot."""
+UNIT_HINT = "; the cameras send another unit than m, or see another body"
 BY_HAND_M_PER_S = 0.1
 """A robot that stands outside is driven back in no faster, and by a person only."""
 
@@ -88,6 +91,7 @@ class Floor:
         # The slowest way to a stop: no command arrives any more, and the watchdog has to wait.
         self._reaction_s = loop.watchdog_s + config.controller.dt_s
         self._braking_m_per_s2 = loop.limits.a_m_per_s2
+        self._fastest_m_per_s = TOO_FAST * loop.limits.v_m_per_s
         self._by_hand = by_hand
 
     def braking_m(self, v_m_per_s: float) -> float:
@@ -110,17 +114,14 @@ class Floor:
         if excess == 0.0 and stops_inside:
             return None
         if excess == 0.0:
-            return Interlock(
-                f"about to leave the floor {self._place(pose)}", lasting=True, cause=Cause.FLOOR
-            )
+            hint = UNIT_HINT if abs(v_m_per_s) > self._fastest_m_per_s else ""
+            leaves = f"about to leave the floor at {v_m_per_s:.2f} m/s, {self._place(pose)}{hint}"
+            return Interlock(leaves, lasting=True, cause=Cause.FLOOR)
         comes_back = excess_m(self._area, end1, end2) <= excess
         if self._by_hand and comes_back and abs(v_m_per_s) <= BY_HAND_M_PER_S:
             return None
-        return Interlock(
-            f"outside the floor {self._place(pose)}{self._hint(excess)}",
-            lasting=True,
-            cause=Cause.FLOOR,
-        )
+        outside = f"outside the floor, {self._place(pose)}{self._hint(excess)}"
+        return Interlock(outside, lasting=True, cause=Cause.FLOOR)
 
     def _place(self, pose: Pose) -> str:
         (low1, high1), (low2, high2) = self._area.x1_m, self._area.x2_m
@@ -132,5 +133,5 @@ class Floor:
     def _hint(self, excess: float) -> str:
         (low1, high1), (low2, high2) = self._area.x1_m, self._area.x2_m
         if excess > OTHER_UNIT * max(high1 - low1, high2 - low2):
-            return "; the cameras send another unit than m, or see another body"
+            return UNIT_HINT
         return "; place the robot inside, or see whether the axes of the cameras' frame are right"

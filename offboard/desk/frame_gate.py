@@ -16,6 +16,9 @@ HASTE = 1.5
 """A robot that slips or runs downhill is at most so many times as fast as it may be."""
 STRAY_M, STRAY_RAD = 0.05, 0.2
 """Poses of a robot that stands stray less, whatever the cameras."""
+SETTLED_S = 0.3
+"""So long the robot must be seen at one place before it is believed to be there: longer than
+another body is taken for it now and then."""
 MOVED_S = 0.2
 """Who is seen somewhere else for so long is there; no swapped body or flipped axis lasts longer
 without a person who has to mend it."""
@@ -53,6 +56,7 @@ class FrameGate:
         self.strayed = 0
         """Number of control steps in which the robot was seen where it cannot be."""
         self._believed_at_us = 0
+        self._settled_us: int | None = None
         self._elsewhere: Frame | None = None
         self._elsewhere_since_us = 0
         self._moved = ""
@@ -86,6 +90,8 @@ class FrameGate:
             self._heard_us = now_us
             if self._is_usable(frame, now_us) and self._is_reachable(frame, now_us, driving):
                 self._note_frozen(frame, rolled)
+                if self._settled_us is None or self.relocated:
+                    self._settled_us = now_us + round(SETTLED_S * US_PER_S)
                 self.believed, self._believed_at_us = frame, now_us
                 return None if self.frozen else frame
         return None
@@ -101,14 +107,16 @@ class FrameGate:
         if frame is not None and is_fresh(
             frame.utime, self._believed_at_us, now_us, self._timeout_us
         ):
-            return None
+            if self._settled_us is None or now_us >= self._settled_us:
+                return None
+            return Interlock("tracking begins", cause=Cause.TRACKING)
         heard = self._heard_us is not None and is_current(self._heard_us, now_us, self._timeout_us)
         sees = self._sees if heard else NO_FRAMES
         return Interlock(f"tracking lost: {sees}", cause=Cause.TRACKING)
 
     def restart(self) -> None:
         """Forget where the robot was: somebody places it."""
-        self.believed = self._elsewhere = None
+        self.believed = self._elsewhere = self._settled_us = None
         self._moved = ""
         self._frozen_m = self._frozen_rad = 0.0
 

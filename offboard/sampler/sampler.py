@@ -263,7 +263,8 @@ class Sampler:
         setpoint = seen.setpoint if self._body.integrates else None
         if setpoint is not None and max(map(abs, setpoint)) > 1e-6:
             # Commands were lost on the way: the robot still moves by what they would have taken.
-            self._velocity = setpoint
+            # What it says of that now is old until the correction has arrived and was told of.
+            self._velocity, self._since_us = setpoint, now_us
             return self._towards(REST)
         if self.done == self.total or self.reason:
             self._enter(Phase.DONE, now_us)

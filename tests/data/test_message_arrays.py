@@ -12,7 +12,10 @@ from koopman_lab.data.message_arrays import decode_all, decode_each, native_dtyp
 from koopman_lab.eventlog.message_blocks import Messages
 
 TYPES = sorted({channel.type for channel in CHANNELS}, key=lambda t: t.__name__)
-VARIABLE = {lcmtypes.mpc_state_t, lcmtypes.session_info_t, lcmtypes.process_t}
+VARIABLE = {
+    *(lcmtypes.mpc_state_t, lcmtypes.session_info_t),
+    *(lcmtypes.process_t, lcmtypes.interlock_t),
+}
 
 
 @given(

@@ -19,6 +19,7 @@ from offboard.lab.calibration import Calibration
 from offboard.lab.parking_run import Parking
 from offboard.lab.reference_runs import ReferenceRuns
 from offboard.reference.shapes import Shape
+from offboard.sampler.redraws import Redraw
 
 GOAL = Pose(0.5, -0.2, 0.7)
 NEAR = ("--start", "-0.1", "0", "0", "--set", "controller.parked_hold_s=0.1")
@@ -29,6 +30,8 @@ FIRST_PHASES = {
     "controller": {"WAIT"},
 }
 """Of the states in which a node waits for somebody else."""
+OTHER_NUMBERS = {*Shape.__members__, *Redraw.__members__, "REASONS"}
+"""Constants of those messages that are no phases."""
 
 
 @pytest.fixture
@@ -128,7 +131,7 @@ def test_a_session_has_begun_once_its_node_waits_for_nobody(kind):
     states = {
         name: number
         for name, number in vars(type(message)).items()
-        if name.isupper() and isinstance(number, int) and name not in Shape.__members__
+        if name.isupper() and isinstance(number, int) and name not in OTHER_NUMBERS
     }
     assert states.keys() > FIRST_PHASES[kind.node_name]
     waiting = set()

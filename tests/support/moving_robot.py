@@ -8,6 +8,8 @@ from koopman_lab.geometry.planar import Pose, Velocity, compose, move_along_arc,
 from offboard.desk.measurements import Frame, WheelSpeeds
 
 STEP_US = 50_000
+STANDS = 8
+"""So many steps a robot stands before it drives: the guard wants to see it at one place."""
 
 
 def honest(pose):
@@ -52,10 +54,11 @@ START = Pose(0.2, 0.1, 0.5)
 def drive(speeds, see=honest, roll=lambda left, right: (left, right), start=START):
     """Yield time (us), frames, wheels, true velocity and pose, a step each of the ``speeds``.
 
-    Body velocities change at once; what wheels report is the mean of the last 50 ms.
+    Before them it stands for a while. Body velocities change at once; wheels report the mean
+    of the last 50 ms.
     """
     pose, now_us, half = start, 1_000_000, 0.1
-    for v, omega in speeds:
+    for v, omega in [(0.0, 0.0)] * STANDS + list(speeds):
         for _ in range(12):
             pose = compose(pose, move_along_arc(Pose(0, 0, 0), v / 240, omega / 240))
         now_us += STEP_US

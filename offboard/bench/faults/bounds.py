@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from koopman_lab.config.schema import LabConfig
@@ -10,6 +11,8 @@ SETTLE_S = 0.25
 """In which the wheels follow the last of a ramp; the motors' lag is 50 ms."""
 COAST_S = 0.4
 """In which motors at zero stop a robot: the logarithm of 0.6 m/s over 1 mm/s, times their lag."""
+GUARD_S = 1.0
+"""In which the guard of the desk notices that cameras, wheels and commands do not fit together."""
 ON_THE_WAY_S = 0.05
 """Radio, one camera frame, one tick: what a message or a measurement takes."""
 
@@ -47,6 +50,24 @@ def by_stuck_wheel(config: LabConfig) -> float:
 def by_low_battery(config: LabConfig) -> float:
     """Return the time to rest after the battery is low (s)."""
     return config.motor_loop.health.battery_s + ON_THE_WAY_S + COAST_S
+
+
+def by_guard(config: LabConfig) -> float:
+    """Return the time to rest after the motion began to contradict itself (s)."""
+    return GUARD_S + ON_THE_WAY_S + ramp_s(config)
+
+
+def by_guard_after_turning(config: LabConfig) -> float:
+    """Return the same (s) for a sampler, which first turns the robot: not every lie shows then."""
+    sampler = config.sampler
+    turn_s = math.pi / sampler.turn_speed_rad_per_s
+    ramps_s = sampler.turn_speed_rad_per_s / sampler.turn_acceleration_rad_per_s2
+    return turn_s + ramps_s + SETTLE_S + by_guard(config)
+
+
+def by_tracking_timeout(config: LabConfig) -> float:
+    """Return the time to rest after the cameras told nothing more that counts (s)."""
+    return by_controller(config, config.controller.tracking_timeout_s)
 
 
 def by_controller(config: LabConfig, waits_s: float) -> float:

@@ -12,8 +12,10 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import wheel_speeds
 from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
-from offboard.bench.faults.scenarios import SCENARIOS, Scenario
+from offboard.bench.faults.scenario import Scenario
+from offboard.bench.faults.scenarios import SCENARIOS
 from offboard.bench.faults.stage import Stage, is_at_rest, rolled_m
+from offboard.desk.floor import excess_m
 
 LOG = "session.lcm"
 STANDS_S = 1.0
@@ -42,6 +44,8 @@ class Row:
         Way after the fault, until it stood.
     fastest_wheel_rad_per_s
         Largest true speed of a wheel after the fault.
+    beyond_floor_m
+        How far the robot was beyond the floor at most.
     session
         Whether it goes on, has ended, or its process has died.
     told
@@ -57,6 +61,7 @@ class Row:
     bound_s: float | None
     rolled_m: float
     fastest_wheel_rad_per_s: float
+    beyond_floor_m: float
     session: str
     told: str
 
@@ -70,9 +75,12 @@ def run_scenario(scenario: Scenario, config: LabConfig) -> Row:
         If the robot did not drive in the first place.
     """
     with tempfile.TemporaryDirectory() as folder:
-        stage = Stage(config, scenario.activity, Path(folder) / LOG)
+        stage = Stage(config, scenario.activity, Path(folder) / LOG, scenario.wrong)
         try:
-            stage.until_fast()
+            if scenario.wrong:
+                stage.until_moving()
+            else:
+                stage.until_fast()
             refused = dict(stage.onboard.loop.arbiter.counts.refused)
             struck_us = stage.lab.now_us
             scenario.strike(stage)
@@ -140,6 +148,7 @@ def _row(scenario: Scenario, stage: Stage, struck_us: int, refused: Mapping[Any,
         None if scenario.bound is None else round(scenario.bound(stage.config), 3),
         rolled_m(sights),
         max(abs(speed) for both in speeds for speed in both),
+        max(excess_m(stage.config.floor, sight.x1_m, sight.x2_m) for sight in stage.witness.sights),
         stage.session,
-        stage.message,
+        stage.told,
     )

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 
 from koopman_lab.config.simulation import Fault
 from koopman_lab.geometry.planar import Pose
-from koopman_lab.robots.robot_type import RobotType
 from offboard.bench.faults.bounds import (
-    Bound,
     by_controller,
     by_driver,
     by_estop,
@@ -18,7 +14,8 @@ from offboard.bench.faults.bounds import (
     by_stuck_wheel,
     by_watchdog,
 )
-from offboard.bench.faults.stage import Activity, Stage
+from offboard.bench.faults.contradictions import CONTRADICTIONS
+from offboard.bench.faults.scenario import Scenario
 from offboard.bench.faults.strikes import (
     Inject,
     command,
@@ -37,45 +34,6 @@ from offboard.desk.drive_inputs import LOGGER_TIMEOUT_S
 GIVEN_UP_S = 11.0
 """In which a drive that cannot go on ends: silence noticed, pause, stop."""
 STUCK = {"left": "FAULT LEFT_WHEEL_STUCK", "right": "FAULT RIGHT_WHEEL_STUCK"}
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """One row of the table.
-
-    Attributes
-    ----------
-    name
-        What goes wrong.
-    strike
-        Makes it go wrong while the robot drives.
-    states
-        States of the motor loop that must come, in this order.
-    bound
-        Largest time (s) until the robot stands and goes on standing; None if it must drive on.
-    message
-        Part of what the operator must read, at once or at the end of the session.
-    activity
-        What the robot is doing.
-    watched_s
-        Time after the strike that is looked at.
-    by_wheels
-        Whether it is for robots whose state takes velocities from the wheels, or for the others;
-        None for all.
-    """
-
-    name: str
-    strike: Callable[[Stage], None]
-    states: tuple[str, ...]
-    bound: Bound | None = None
-    message: str = ""
-    activity: Activity = "park"
-    watched_s: float = 2.5
-    by_wheels: bool | None = None
-
-    def is_for(self, robot: RobotType) -> bool:
-        """Return whether it means something for a type of robot."""
-        return self.by_wheels in (None, bool(robot.speeds_at))
 
 
 SCENARIOS: tuple[Scenario, ...] = (
@@ -262,5 +220,6 @@ SCENARIOS: tuple[Scenario, ...] = (
         activity="calibrate",
         watched_s=5.0,
     ),
+    *CONTRADICTIONS,
 )
 """The table; the tests go through the same rows."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -15,9 +15,11 @@ from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.bus.node import Node, Port, RawHandler, Tick
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.simulation import Fault, PlannedFault
 from koopman_lab.emulation.board import emulated_board
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import Pose
+from offboard.controller.controller_step import State
 from offboard.controller.node import ControllerNode
 from offboard.lab.session_watch import RobotWatchNode
 from offboard.logger.node import LoggerNode
@@ -29,9 +31,13 @@ Activity = Literal["park", "calibrate"]
 STEP_S = 0.01
 FAST_M_PER_S = 0.25
 """The fault comes while the robot drives at least as fast."""
+MOVES_M_PER_S = 0.02
+"""Faster than this the robot drives, however slowly."""
 MOVING_LIMIT_S = 30.0
 START = Pose(-1.8, 0.3, 0.0)
 """Far enough from the goal that parking is not over before the scenario is."""
+START_ASKEW = Pose(-1.8, 0.3, 0.6)
+"""Along an axis of the frame some wrong frames look right."""
 
 
 class TruthSample(NamedTuple):
@@ -129,14 +135,23 @@ class Stage:
         Who commands: the controller (with the nominal model) or the sampler.
     log
         File for the session log.
+    wrong
+        What is wrong from the beginning, if anything is.
     """
 
-    def __init__(self, config: LabConfig, activity: Activity, log: Path) -> None:
+    def __init__(
+        self, config: LabConfig, activity: Activity, log: Path, wrong: Sequence[Fault] = ()
+    ) -> None:
         from koopman_lab.predictors.nominal import NominalPrediction
 
         config.require_simulation()
+        if wrong:
+            faults = tuple(PlannedFault(at_s=0.0, **fault.model_dump()) for fault in wrong)
+            config = changed(config, "simulation", faults=faults)
         if activity == "park":
-            config = changed(config, "simulation.plant", initial_pose=tuple(START))
+            config = changed(
+                config, "simulation.plant", initial_pose=tuple(START_ASKEW if wrong else START)
+            )
         self.config = config
         self.lab = Lockstep(config)
         self.onboard = OnboardNode(config)
@@ -186,6 +201,15 @@ class Stage:
                 return
         raise LabStateError(f"the robot has not reached {FAST_M_PER_S:g} m/s")
 
+    def until_moving(self) -> None:
+        """Go on until the robot moves, or has had time enough to."""
+        for _ in range(round(MOVING_LIMIT_S / STEP_S)):
+            self.run(STEP_S)
+            sights = self.witness.sights
+            if sights and abs(sights[-1].v_m_per_s) >= MOVES_M_PER_S:
+                break
+        self.states.clear()
+
     def kill(self, name: str) -> None:
         """Let a node die."""
         self.killable[name].alive = False
@@ -203,10 +227,25 @@ class Stage:
 
     @property
     def session(self) -> str:
-        """Return whether the session goes on, has ended, or its process has died."""
+        """Return whether the session waits or goes on, has ended, or its process has died."""
         if self.killable[self.commander.name].alive:
-            return "goes on"
+            return "waits" if self._waits_for else "goes on"
         return "has ended" if self.message else "has died, which the supervisor says"
+
+    @property
+    def told(self) -> str:
+        """Return what the operator has read at the end, or reads of what is waited for."""
+        return self.message or self._waits_for
+
+    @property
+    def _waits_for(self) -> str:
+        """Return what a commander that has not begun waits for; empty if it has."""
+        commander = self.commander
+        if isinstance(commander, SamplerNode):
+            waits_for = commander.sampler.waits_for
+            return "" if waits_for is None else waits_for.reason
+        drive = commander.controller
+        return drive.reason if drive.state is State.WAIT else ""
 
     def _end(self, commander: KillableNode, message: str) -> None:
         self.message = self.message or message
@@ -214,7 +253,8 @@ class Stage:
 
     def _outcome(self) -> str:
         if isinstance(self.commander, SamplerNode):
-            return "all segments recorded"
+            reason = self.commander.outcome().reason
+            return f"ended: {reason}" if reason else "all segments recorded"
         outcome = self.commander.outcome()
         return "parked" if outcome.parked else f"not parked ({outcome.reason})"
 
