@@ -1,8 +1,10 @@
 """Logs of older versions: those that are known are used as ever, the rest is passed over."""
 
+import json
+
 import numpy as np
 import pytest
-from klab import MODEL, REFERENCE, klab, klab_json, klab_ok
+from klab import MODEL, OLDER, klab, klab_json, klab_ok
 from older_messages import UNKNOWN, older, rewritten
 from synthetic_session import Session
 
@@ -13,7 +15,7 @@ from koopman_lab.koopman.trainer import train
 from koopman_lab.koopman.training_report import Method
 from koopman_lab.replay.rotated_log import read_rotated_log
 
-CALIBRATION, PARK = REFERENCE / "calibration.lcm", REFERENCE / "park.lcm"
+CALIBRATION, PARK = OLDER / "calibration.lcm", OLDER / "park.lcm"
 DATA_HASH = "cfb0c9836b0a3b9ae34085b018420a6543db952492669cdf0e24b74f7cec1cb8"
 """Of the data set that commit 5dcd815 made of the reference, whose messages had its layouts."""
 
@@ -117,8 +119,10 @@ def test_a_node_runs_again_without_the_outputs_that_cannot_be_read(tmp_path):
     assert done.returncode == 2
     assert "R1_MPC_STATE" in done.stderr
     log = rewritten(CALIBRATION, tmp_path / "other.lcm", unknown("R1_SAMPLER_STATE"))
-    facts = klab_json("rerun", log, "--node", "sampler", "--tolerance", "1e-6")
-    assert facts["share"] == 1.0
+    done = klab("rerun", log, "--node", "sampler", "--tolerance", "1e-6", "--json")
+    facts = json.loads(done.stdout)
+    # It begins later than it did: only once the rate of the cameras is known.
+    assert 0.85 < facts["share"] < 1.0
     assert "R1_SAMPLER_STATE" not in facts["channels"]
     assert facts["channels"]["R1_VELOCITY_CMD"]["equal"] > 100
 

@@ -9,9 +9,13 @@ from older_messages import rewritten
 from koopman_lab.bus.channels import SAMPLER_STATE
 
 SPOKEN = {
-    "sampler": {"SAMPLER_HEARTBEAT", "SAMPLER_STATE", "SESSION_INFO", "TIME_PONG", "VELOCITY_CMD"},
+    "sampler": {
+        *("INTERLOCK", "SAMPLER_HEARTBEAT", "SAMPLER_STATE"),
+        *("SESSION_INFO", "TIME_PONG", "VELOCITY_CMD"),
+    },
     "controller": {
-        *("CONTROLLER_HEARTBEAT", "MPC_STATE", "SESSION_INFO", "TIME_PONG", "VELOCITY_CMD")
+        *("CONTROLLER_HEARTBEAT", "INTERLOCK", "MPC_STATE"),
+        *("SESSION_INFO", "TIME_PONG", "VELOCITY_CMD"),
     },
     "onboard": {
         *("MOTOR_CMD", "ONBOARD_HEARTBEAT", "ONBOARD_STATUS"),
@@ -131,7 +135,7 @@ def test_a_change_is_counted_first_and_then_shown_field_by_field(tmp_path):
     config = tmp_path / "changed.yaml"
     config.write_text(
         "robot: {kind: kinematic}\nseed: 1\n"
-        "motor_loop: {pid: {proportional: 0.031}}\nmocap: {rate_hz: 120}\n"
+        "motor_loop: {pid: {proportional: 0.031}}\nmocap: {rate_hz: 60}\n"
     )
     log = REFERENCE / "calibration.lcm"
     done = klab("rerun", log, "--node", "onboard", "--config", config, "--tolerance", ROUNDING)

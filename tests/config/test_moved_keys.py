@@ -14,7 +14,7 @@ from koopman_lab.config.presets import Preset
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.errors import ConfigError
 
-REFERENCE = Path(__file__).parents[1] / "data" / "reference"
+REFERENCE = Path(__file__).parents[1] / "data" / "older"
 
 
 LAB = leaves(load_config(robot="dynamic").model_dump(mode="json"))

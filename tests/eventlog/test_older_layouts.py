@@ -22,7 +22,7 @@ from koopman_lab.eventlog.older_layouts import (
 )
 from koopman_lab.replay.rotated_log import read_rotated_log
 
-REFERENCE = Path(__file__).parents[1] / "data" / "reference"
+REFERENCE = Path(__file__).parents[1] / "data" / "older"
 LAYOUTS = pytest.mark.parametrize(
     "layout", OLDER_LAYOUTS, ids=lambda of: f"{of.message_type.__name__} {of.fingerprint.hex()}"
 )

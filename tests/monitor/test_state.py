@@ -9,6 +9,7 @@ import pytest
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.config.load import load_config
+from koopman_lab.data.decode import SessionLog
 from koopman_lab.replay.rotated_log import read_rotated_log
 from offboard.monitor.json_values import number
 from offboard.monitor.lab_view import LabView
@@ -78,7 +79,8 @@ def test_the_rows_of_a_park_hold_what_the_plots_draw(park):
     view, _ = park
     news, marks = view.histories(())
     rows = news["R1"]["rows"]["items"]
-    assert len(rows) == pytest.approx(5.0 / ROW_S, rel=0.1)
+    seconds = SessionLog(REFERENCE / "park.lcm").duration_s
+    assert len(rows) == pytest.approx(seconds / ROW_S, rel=0.1)
     steps = [
         (number(state.value_function), number(state.solve_ms), number(state.state_in_goal_frame[1]))
         for state in recorded("park.lcm", channels.MPC_STATE)
@@ -95,11 +97,11 @@ def test_the_rows_of_a_park_hold_what_the_plots_draw(park):
 
 def test_channels_flow_at_the_rates_of_the_log(calibration):
     flows = {f["name"]: f for f in robot_of(calibration)["channels"]}
-    assert flows["R1_MOCAP_POSE"]["rate_hz"] == pytest.approx(120.0, rel=0.02)
+    assert flows["R1_MOCAP_POSE"]["rate_hz"] == pytest.approx(60.0, rel=0.02)
     assert flows["R1_WHEEL_STATE"]["rate_hz"] == pytest.approx(20.0, rel=0.02)
     assert flows["R1_SESSION_INFO"]["rate_hz"] == pytest.approx(1.0, rel=0.02)
-    assert flows["R1_MOCAP_POSE"]["nominal_hz"] == 120.0
-    assert {f["lost"] for f in flows.values()} == {0}
+    assert flows["R1_MOCAP_POSE"]["nominal_hz"] == 60.0
+    assert {f["lost"] for f in flows.values() if f["nominal_hz"] is not None} == {0}
 
 
 def test_a_calibration_shows_its_progress_and_the_segments_so_far(calibration):

@@ -12,6 +12,8 @@ from pathlib import Path
 KLAB = [sys.executable, "-m", "offboard.cli.main"]
 LIMIT_S = 150.0
 REFERENCE = Path(__file__).parents[2] / "tests" / "data" / "reference"
+OLDER = REFERENCE.parent / "older"
+"""Logs of the first version, before any type of message changed."""
 MODEL = REFERENCE / "model.npz"
 """Of the kinematic robot, from a whole session; made by scripts/reference."""
 
