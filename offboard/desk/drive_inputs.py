@@ -34,6 +34,9 @@ WATCHED: tuple[Channel[Any], ...] = (
     channels.ONBOARD_STATUS,
 )
 """What tells of the robot."""
+LISTEN_US = 800_000
+"""Eight messages of the slowest: in which a second speaker has had its turns."""
+LISTENING = Interlock("listening whether one program speaks for the robot", cause=Cause.STREAM)
 NOTHING = Interlock("")
 
 
@@ -83,6 +86,7 @@ class DriveInputs:
         self._status_new_us = self._logger_new_us = 0
         self._others: Interlock | None = None
         self._looked_us = -LOOK_US
+        self._listening_since_us: int | None = None
         self._said = ""
         self._said_us = 0
         mocap = channels.MOCAP_POSE.name(config.robot.name)
@@ -151,7 +155,14 @@ class DriveInputs:
         self._port.publish(channels.INTERLOCK, message)
 
     def _second_publisher(self, now_us: int) -> Interlock | None:
-        """Return who else uses the robot's name, as of the last look."""
+        """Return who else uses the robot's name, as of the last look.
+
+        Two that speak at once are told apart only after a while, so that is waited for.
+        """
+        if self._listening_since_us is None:
+            self._listening_since_us = now_us
+        if now_us - self._listening_since_us < LISTEN_US:
+            return LISTENING
         if not is_current(self._looked_us, now_us, LOOK_US):
             self._looked_us = now_us
             streams = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import lcmtypes
 from koopman_lab.bus.channels import MOCAP_POSE, PLANT_RESET
@@ -46,11 +47,25 @@ def place(listener: Listener, config: LabConfig, start: Pose, *, by_hand: bool) 
                 )
             if any(_shows_robot_at(m, start, config) for m in frames if m.utime > asked_us):
                 return
-    remedy = "place it there by hand" if by_hand else "is another plant on this bus?"
+    remedy = "place it there by hand." if by_hand else "is another plant on this bus?"
     raise LabStateError(
-        f"the cameras do not see the robot at x1 {start.x1:g} m, x2 {start.x2:g} m, "
-        f"theta {math.degrees(start.theta):g} deg; {remedy}"
+        f"the cameras do not see the robot at {_text(start)}, {_seen_text(frames)}; {remedy} Or "
+        "see whether the axes of their frame and the orientation of the rigid body are right"
     )
+
+
+def _seen_text(frames: Sequence[lcmtypes.mocap_pose_t]) -> str:
+    """Return in words where the newest frame shows the robot."""
+    tracked = [frame for frame in frames if frame.tracking_valid]
+    if not tracked:
+        return "they do not see it at all"
+    newest = tracked[-1]
+    return f"they see it at {_text(Pose(newest.x1_m, newest.x2_m, newest.theta_rad))}"
+
+
+def _text(pose: Pose) -> str:
+    degrees = math.degrees(pose.theta)
+    return f"x1 {pose.x1:.2g} m, x2 {pose.x2:.2g} m, theta {degrees:.0f} deg"
 
 
 def _shows_robot_at(frame: lcmtypes.mocap_pose_t, start: Pose, config: LabConfig) -> bool:

@@ -205,7 +205,8 @@ def _show_progress(
 
     def hear(interlock: Any) -> None:
         nonlocal obstacle
-        obstacle = start.obstacle = interlock.reason
+        obstacle = interlock.reason
+        start.hear(obstacle, listener.now_us())
 
     def show(state: Any) -> None:
         nonlocal first_us

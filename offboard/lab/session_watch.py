@@ -23,6 +23,8 @@ PATIENCE_S = 3.0
 """For a person who has just stopped the robot, and releases it again."""
 START_LIMIT_S = 30.0
 """In which a node finds everything that it needs, and begins."""
+READY_LIMIT_S = START_LIMIT_S
+"""In which what forbids driving has passed."""
 REPORT_S = 2.0
 """In which a controller that gives a silent robot up says so itself."""
 
@@ -102,11 +104,17 @@ class StartWatch:
     def __init__(self, node: str, waits_for: str, limit_s: float = START_LIMIT_S) -> None:
         self.begun = False
         """To be set when it has begun."""
-        self.obstacle = ""
-        """To be set to what it says that forbids driving."""
+        self._obstacle = ""
+        self._obstacle_us: int | None = None
         self._message = f"{node}: has not begun within {limit_s:g} s; it waits for {waits_for}"
         self._limit_us = round(limit_s * US_PER_S)
         self._begun_us: int | None = None
+
+    def hear(self, obstacle: str, now_us: int) -> None:
+        """Take what the node says that forbids driving; whoever says so is ready for all else."""
+        self._obstacle = obstacle
+        if self._obstacle_us is None:
+            self._obstacle_us = now_us
 
     def check(self, now_us: int) -> None:
         """Look whether there is still something to wait for; the first look begins the wait.
@@ -114,12 +122,14 @@ class StartWatch:
         Raises
         ------
         LabStateError
-            If it has not begun within the limit.
+            If it has not begun within the limit, or for so long after it was ready.
         """
         if self._begun_us is None:
             self._begun_us = now_us
-        if not self.begun and now_us - self._begun_us > self._limit_us:
-            sees = f"; it sees: {self.obstacle}" if self.obstacle else ""
+        since_ready_us = 0 if self._obstacle_us is None else now_us - self._obstacle_us
+        late = now_us - self._begun_us > self._limit_us or since_ready_us > READY_LIMIT_S * US_PER_S
+        if late and not self.begun:
+            sees = f"; it sees: {self._obstacle}" if self._obstacle else ""
             raise LabStateError(f"{self._message}{sees}")
 
 

@@ -6,7 +6,13 @@ import lcmtypes
 from koopman_lab.bus.commanders import commander_number
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import LabStateError
-from offboard.lab.session_watch import PATIENCE_S, START_LIMIT_S, RobotWatch, StartWatch
+from offboard.lab.session_watch import (
+    PATIENCE_S,
+    READY_LIMIT_S,
+    START_LIMIT_S,
+    RobotWatch,
+    StartWatch,
+)
 
 STATUS = lcmtypes.onboard_status_t
 OWN, OTHER = commander_number("sampler", 10), commander_number("controller", 4711)
@@ -64,3 +70,14 @@ def test_a_node_that_does_not_begin_is_waited_for_from_the_first_look_on(opened_
         start.check(opened_us + limit_us + 1)
     start.begun = True
     start.check(opened_us + 2 * limit_us)
+
+
+def test_who_says_what_it_waits_for_is_waited_for_no_longer_than_others():
+    watch = StartWatch("controller", "cameras", limit_s=90.0)
+    watch.check(0)
+    watch.hear("R1_MOCAP_POSE: 2 publishers", 5_000_000)
+    watch.check(5_000_000 + round(READY_LIMIT_S * 1e6))
+    with pytest.raises(LabStateError, match="it sees: R1_MOCAP_POSE: 2 publishers"):
+        watch.check(5_100_000 + round(READY_LIMIT_S * 1e6))
+    watch.begun = True
+    watch.check(80_000_000)
