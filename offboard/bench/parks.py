@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -34,12 +35,14 @@ AFTER_LIMIT_S = 3.0
 class Park:
     """How one run ended: whether the controller says so, and where the robot truly stands.
 
-    ``pose`` relative to the goal in m, m, rad; ``duration_s`` of the drive.
+    ``pose`` relative to the goal in m, m, rad; ``duration_s`` of the drive; ``stopped`` is why the
+    robot was stopped before the time limit, or never started, empty if it was not.
     """
 
     parked: bool
     pose: tuple[float, float, float]
     duration_s: float
+    stopped: str = ""
 
     @property
     def within(self) -> bool:
@@ -49,7 +52,10 @@ class Park:
 
 @dataclass(frozen=True)
 class Row:
-    """What a controller did from all starts; medians and largest values of magnitudes."""
+    """What a controller did from all starts; medians and largest values of magnitudes.
+
+    ``stopped`` counts the runs that were stopped, by reason.
+    """
 
     controller: str
     runs: int
@@ -62,6 +68,7 @@ class Row:
     x2_max_mm: float
     angle_max_deg: float
     duration_median_s: float
+    stopped: dict[str, int]
 
 
 @needs("desk")
@@ -108,6 +115,9 @@ def parks(
         out.print_json(json.dumps([asdict(row) for row in rows]))
         return
     out.print(as_table(rows, lab.robot.kind))
+    for row in rows:
+        for reason, count in row.stopped.items():
+            err.print(f"{row.controller}: {count} stopped: {reason}", markup=False)
     err.print(
         f"within: |x2| <= {1e3 * LARGEST_X2_M:g} mm and |theta| <= "
         f"{math.degrees(LARGEST_ANGLE_RAD):g} deg of where the robot truly stands"
@@ -152,6 +162,7 @@ def park_once(
     """
     from koopman_lab.bus.lockstep import Lockstep
     from offboard.bench.faults.stage import Witness
+    from offboard.controller.controller_step import State
     from offboard.controller.node import ControllerNode
     from offboard.lab import nodes
     from offboard.logger.node import LoggerNode
@@ -170,7 +181,8 @@ def park_once(
             lab.close()
     outcome, last = node.outcome(), witness.sights[-1]
     end = relative_to(outcome.goal, Pose(last.x1_m, last.x2_m, last.theta_rad))
-    return Park(outcome.parked, (end.x1, end.x2, end.theta), outcome.duration_s)
+    stopped = outcome.reason if outcome.state in (State.FAILED.name, State.WAIT.name) else ""
+    return Park(outcome.parked, (end.x1, end.x2, end.theta), outcome.duration_s, stopped)
 
 
 def summarise(controller: str, ends: Sequence[Park]) -> Row:
@@ -187,6 +199,7 @@ def summarise(controller: str, ends: Sequence[Park]) -> Row:
         *(medians[0], medians[1], medians[2]),
         *(largest[0], largest[1], largest[2]),
         float(np.median([end.duration_s for end in ends])),
+        dict(Counter(end.stopped for end in ends if end.stopped)),
     )
 
 
