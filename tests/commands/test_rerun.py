@@ -135,7 +135,7 @@ def test_a_change_is_counted_first_and_then_shown_field_by_field(tmp_path):
     config = tmp_path / "changed.yaml"
     config.write_text(
         "robot: {kind: kinematic}\nseed: 1\n"
-        "motor_loop: {pid: {proportional: 0.031}}\nmocap: {rate_hz: 60}\n"
+        "motor_loop: {pid: {proportional: 0.031}}\nmocap: {rate_hz: 40}\n"
     )
     log = REFERENCE / "calibration.lcm"
     done = klab("rerun", log, "--node", "onboard", "--config", config, "--tolerance", ROUNDING)

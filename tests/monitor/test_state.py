@@ -97,10 +97,10 @@ def test_the_rows_of_a_park_hold_what_the_plots_draw(park):
 
 def test_channels_flow_at_the_rates_of_the_log(calibration):
     flows = {f["name"]: f for f in robot_of(calibration)["channels"]}
-    assert flows["R1_MOCAP_POSE"]["rate_hz"] == pytest.approx(60.0, rel=0.02)
+    assert flows["R1_MOCAP_POSE"]["rate_hz"] == pytest.approx(40.0, rel=0.02)
     assert flows["R1_WHEEL_STATE"]["rate_hz"] == pytest.approx(20.0, rel=0.02)
     assert flows["R1_SESSION_INFO"]["rate_hz"] == pytest.approx(1.0, rel=0.02)
-    assert flows["R1_MOCAP_POSE"]["nominal_hz"] == 60.0
+    assert flows["R1_MOCAP_POSE"]["nominal_hz"] == 40.0
     assert {f["lost"] for f in flows.values() if f["nominal_hz"] is not None} == {0}
 
 
