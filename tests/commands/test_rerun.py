@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from klab import MODEL, REFERENCE, SMALL_AREA, klab, klab_ok
+from klab import MODEL, OLDER, REFERENCE, SMALL_AREA, klab, klab_ok
 from older_messages import rewritten
 
 from koopman_lab.bus.channels import SAMPLER_STATE
@@ -58,8 +58,9 @@ def test_the_node_says_what_it_said_when_the_reference_was_recorded(log, node):
     assert all(channel["equal"] > 0 for channel in facts["channels"].values())
 
 
-def test_the_reference_is_small():
-    assert sum(file.stat().st_size for file in REFERENCE.iterdir()) < 1_000_000
+@pytest.mark.parametrize("folder", [REFERENCE, OLDER], ids=lambda folder: folder.name)
+def test_each_reference_is_small(folder):
+    assert max(file.stat().st_size for file in folder.iterdir()) < 600_000
 
 
 BAD_RADIO = [
