@@ -239,6 +239,7 @@ class Listener:
     """
 
     def __init__(self, config: LabConfig) -> None:
+        self._config = config
         self._bus = open_lcm(config)
         self._port = RealtimePort("", config, self._bus)
 
@@ -259,6 +260,12 @@ class Listener:
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message; its ``utime`` is the caller's to set (see :meth:`now_us`)."""
         self._port.publish(channel, message)
+
+    def speaking_to(self, robot_name: str) -> RealtimePort:
+        """Return what publishes on the channels of another robot, on the same bus."""
+        port = RealtimePort("", self._config, self._bus)
+        port.robot_name = robot_name
+        return port
 
     def now_us(self) -> int:
         """Return the present time in us since the Unix epoch."""

@@ -16,6 +16,7 @@ from offboard.commands.data.train_model import train
 from offboard.commands.data.validate import validate
 from offboard.commands.demo import demo
 from offboard.commands.doctor import doctor
+from offboard.commands.down import down
 from offboard.commands.drive_reference import reference
 from offboard.commands.estop import estop
 from offboard.commands.fault import fault
@@ -24,7 +25,7 @@ from offboard.commands.park import park
 from offboard.commands.replay_log import replay
 from offboard.commands.rerun_node import rerun
 from offboard.commands.simulate import simulate
-from offboard.commands.status import down, status
+from offboard.commands.status import status
 from offboard.commands.studies import study
 from offboard.commands.topics import topics
 from offboard.commands.up import up

@@ -82,18 +82,22 @@ class ProcessNote:
             write_json(self._file, self._facts)
 
 
-def running_commands(config: LabConfig) -> dict[int, set[str]]:
-    """Return the commands of this machine that run processes of a robot now, and which they ran."""
-    names_by_pid = {}
-    for file in (cache_folder() / FOLDER).glob(f"{lab_key(config)}-*.json"):
+def running_commands(url: str) -> dict[str, dict[int, set[str]]]:
+    """Return by robot the commands of this machine that run its processes on a bus now.
+
+    Each is known by its process number; with it stands which processes it has started.
+    """
+    by_robot: dict[str, dict[int, set[str]]] = {}
+    for file in (cache_folder() / FOLDER).glob("*.json"):
         try:
             facts = json.loads(file.read_text())
             pid, host, names = facts["supervisor_pid"], facts["host"], set(facts["processes"])
+            robot, on_this_bus = facts["robot"], facts["bus"] == url
         except (OSError, ValueError, KeyError, TypeError):
-            continue  # as in `_broken`
-        if host == socket.gethostname() and alive(pid) and is_klab(pid):
-            names_by_pid[pid] = names
-    return names_by_pid
+            continue  # written by another version, or just taken away
+        if on_this_bus and host == socket.gethostname() and alive(pid) and is_klab(pid):
+            by_robot.setdefault(robot, {})[pid] = names
+    return by_robot
 
 
 def broken_labs(url: str, now_us: int) -> dict[str, list[ProcessState]]:

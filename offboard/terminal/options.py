@@ -15,7 +15,7 @@ from koopman_lab.config import presets
 from koopman_lab.config.cost_table import COSTS
 from koopman_lab.config.load import load_config
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import DataError
+from koopman_lab.errors import ConfigError, DataError
 from koopman_lab.geometry.planar import Pose, wrap_angle
 from koopman_lab.robots.table import DEFAULT_ROBOT, ROBOTS
 from offboard.terminal.choices import row_option
@@ -54,6 +54,7 @@ RobotsName = Annotated[
         help="Prefix of its channels (R1); robots with different names share a bus.",
     ),
 ]
+AllRobots = Annotated[bool, typer.Option("--all", help="Every robot on the bus.")]
 Preset = Annotated[
     PresetName,
     typer.Option(
@@ -151,6 +152,18 @@ def resolve(
         bus_url=os.environ.get("LCM_DEFAULT_URL"),
         overrides=changes,
     )
+
+
+def refuse_one_and_all(robot_name: str | None, *, all_robots: bool) -> None:
+    """Refuse --robot-name beside --all.
+
+    Raises
+    ------
+    ConfigError
+        If both are there.
+    """
+    if all_robots and robot_name is not None:
+        raise ConfigError(f"--all and --robot-name {robot_name}: all robots or one; drop one")
 
 
 def listen(config: LabConfig) -> Listener:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from koopman_lab.bus.realtime import Listener
-from koopman_lab.config.change import changed
+from koopman_lab.bus.realtime import Listener, RealtimePort
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.units import US_PER_S
@@ -44,10 +43,9 @@ class OperatorDesk:
 
     def __init__(self, config: LabConfig, *, robot_known: bool = False) -> None:
         self.view = LabView(config, config.robot.name if robot_known else None)
-        self._config = config
         self._listener = Listener(config)
         self._listener.overhear(self.view.take)
-        self._publishers: dict[str, Listener] = {}
+        self._publishers: dict[str, RealtimePort] = {}
         self._orders: dict[tuple[str, str], tuple[Order[Any], Reply, str]] = {}
         self._armed_us: dict[tuple[object, str], int] = {}
         self._resend_us = 0
@@ -156,9 +154,8 @@ class OperatorDesk:
             raise LabStateError(f"{name}: nobody speaks for this robot")
         return robot
 
-    def _publisher(self, name: str) -> Listener:
+    def _publisher(self, name: str) -> RealtimePort:
         publisher = self._publishers.get(name)
         if publisher is None:
-            publisher = Listener(changed(self._config, "robot", name=name))
-            self._publishers[name] = publisher
+            publisher = self._publishers[name] = self._listener.speaking_to(name)
         return publisher

@@ -108,5 +108,8 @@ def test_a_second_robot_is_calibrated_beside_the_first(tmp_path):
     with Terminal("klab up --robot-name R2 --robot dynamic", tmp_path) as up:
         assert up.until("R2")
         run(run_of, tmp_path, "--segments", "1", *SHORT_RUNS)
-        up.interrupt()
+        run("klab estop --all", tmp_path)
+        run("klab estop --all --release", tmp_path)
+        run("klab down --all", tmp_path)
+        assert up.process.wait(timeout=LIMIT_S) in ENDED
     assert (tmp_path / "runs" / "second-robot" / "session.lcm").exists()
