@@ -64,7 +64,7 @@ def main() -> None:
     try:
         app()
     except LabError as error:
-        err.print(f"klab: {error}", markup=False)
+        err.print(f"klab: {error}")
         sys.exit(EXPECTED_MISTAKE)
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)

@@ -94,7 +94,7 @@ def onboard(
     lab = options.resolve(config, overrides, robot, preset, url=url, robot_name=robot_name)
     source = f"preset {preset.value}" if config is None else f"preset {preset.value} and {config}"
     # A lab's file says all that the preset does.
-    err.print(_preset_line(lab, source if lifeline_fd is None else str(config)), markup=False)
+    err.print(_preset_line(lab, source if lifeline_fd is None else str(config)))
     _run_timed(build("onboard", lab), lab, tick_times, lifeline_fd, emulated_board(lab))
 
 

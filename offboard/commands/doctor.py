@@ -70,9 +70,9 @@ def doctor(
         verdict = (
             "ok" if finding.good else (finding.bad if finding.needed else "missing, not needed")
         )
-        out.print(f"{finding.what}: {verdict} ({finding.detail})", markup=False)
+        out.print(f"{finding.what}: {verdict} ({finding.detail})")
         if finding.remedy and not finding.good:
-            out.print(f"    {finding.remedy}", markup=False)
+            out.print(f"    {finding.remedy}")
     if bad:
         raise typer.Exit(2)
 

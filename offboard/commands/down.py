@@ -14,6 +14,7 @@ from offboard.commands.status import listen_to_all
 from offboard.commands.topics import spin_for
 from offboard.terminal import options
 from offboard.terminal.output import err
+from offboard.terminal.visible_text import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -206,9 +207,9 @@ def _report(robots: Sequence[_RobotsCommands], view: LabView, now_us: int) -> No
         others = robot.others and _others_text(entries, robot.supervisors)
         goes_on = goes_on or bool(others)
         if others:
-            err.print(f"{robot.name} is not down; still there: {others}")
+            err.print(one_line(f"{robot.name} is not down; still there: {others}"))
         elif robot.supervisors:
-            err.print(f"{robot.name} is down")
+            err.print(one_line(f"{robot.name} is down"))
     if still_running:
         raise LabStateError("; ".join(still_running))
     if goes_on:

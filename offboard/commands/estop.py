@@ -10,6 +10,7 @@ import typer
 
 from offboard.terminal import options
 from offboard.terminal.output import err
+from offboard.terminal.visible_text import one_line
 
 if TYPE_CHECKING:
     import lcmtypes
@@ -80,13 +81,16 @@ def _order_all(listener: Listener, lab: LabConfig, *, release: bool) -> None:
     nobody = "" if live else "no robot was heard, and "
     live = live or [lab.robot.name]
     for name in heard.replayed(now_us):
-        err.print(f"{name}: a log that is sent again; nobody is there to obey")
+        err.print(one_line(f"{name}: a log that is sent again; nobody is there to obey"))
     if not release and any(obeyed.get(name) for name in live):
         err.print("`klab estop --all --release` releases them")
     refused = [name for name in live if not obeyed.get(name)]
     if refused:
         silent = [name for name in refused if heard.status(name, now_us) is None]
-        answers = [f"{n} {'is silent' if n in silent else 'does not confirm'}" for n in refused]
+        answers = [
+            one_line(f"{name} {'is silent' if name in silent else 'does not confirm'}")
+            for name in refused
+        ]
         raise LabStateError(
             f"{nobody}{', '.join(answers)}: the message was sent {TRIES} times on {lab.bus.url}; "
             "cut the power if the robot moves"
@@ -126,7 +130,7 @@ def _give_orders(
                 if answer is not None:
                     obeyed[name] = answer
                 if answer:
-                    err.print(f"{name}: {'released' if release else 'stopped'}")
+                    err.print(one_line(f"{name}: {'released' if release else 'stopped'}"))
         if not listening and len(obeyed) == len(orders):
             return obeyed
         listener.spin(WAIT_S)

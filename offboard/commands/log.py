@@ -15,6 +15,7 @@ from offboard.commands.log_export import export, plot
 from offboard.terminal import options
 from offboard.terminal.choices import Commands
 from offboard.terminal.output import err, out, show_unreadable
+from offboard.terminal.visible_text import one_line
 
 if TYPE_CHECKING:
     from koopman_lab.data.channel_summary import ChannelSummary
@@ -68,10 +69,10 @@ def info(
         table.add_column(column, justify="left" if column == "channel" else "right")
     for name, c in rows.items():
         rate = "-" if c.rate_hz is None else f"{c.rate_hz:.2f}"
-        table.add_row(name, str(c.count), rate, str(c.lost), str(c.gaps))
+        table.add_row(one_line(name), str(c.count), rate, str(c.lost), str(c.gaps))
     out.print(table)
     for line in _identity_lines(rows):
-        err.print(line)
+        err.print(one_line(line))
     show_unreadable(log.path, log.passed_over.unreadable)
     for stretch in log.damage[:SHOWN]:
         err.print(f"damaged, passed over: {stretch}")

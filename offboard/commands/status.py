@@ -10,6 +10,7 @@ import typer
 from offboard.commands.topics import spin_for
 from offboard.terminal import options
 from offboard.terminal.output import err, out
+from offboard.terminal.visible_text import one_line
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
@@ -53,7 +54,7 @@ def status(
         _show(processes)
     doubts = [line for name in sorted(live) for line in live[name].identity_lines(now_us)]
     for line in doubts:
-        err.print(line)
+        err.print(one_line(line))
     entries = [entry for entries in processes.values() for entry in entries]
     if doubts or not entries or any(entry.state in ("silent", "died") for entry in entries):
         raise typer.Exit(1)
@@ -85,10 +86,12 @@ def _show(processes: dict[str, list[ProcessState]]) -> None:
             ended = f": {e.report.ended}" if e.report is not None and e.report.ended else ""
             needs = ", ".join(e.needs) or "nothing"
             heard = "-" if e.age_s is None else f"{e.age_s:.1f}"
-            table.add_row(robot, e.name, e.state + ended, str(e.pid), heard, needs, e.stopped_by)
+            state = one_line(e.state + ended)
+            row = (e.name, state, str(e.pid), heard, needs, e.stopped_by)
+            table.add_row(one_line(robot), *row)
     out.print(table)
     for robot, entries in sorted(processes.items()):
         for e in entries:
             if e.report is not None and e.state == DIED:
-                out.print(f"{robot} {e.name}: {e.report.log_file} ends with:", markup=False)
-                out.print(e.report.last_lines or "(it said nothing)", markup=False)
+                out.print(one_line(f"{robot} {e.name}: {e.report.log_file} ends with:"))
+                out.print(e.report.last_lines.expandtabs() or "(it said nothing)")

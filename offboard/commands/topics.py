@@ -10,6 +10,7 @@ import typer
 
 from offboard.terminal import options
 from offboard.terminal.output import err, out
+from offboard.terminal.visible_text import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -96,7 +97,7 @@ def _print_once(
 
         out.print(_table(flows))
         for line in identity_lines(flows):
-            err.print(line)
+            err.print(one_line(line))
 
 
 def _show_until_interrupted(listener: Listener, lab: LabConfig, streams: Streams) -> None:
@@ -109,10 +110,11 @@ def _show_until_interrupted(listener: Listener, lab: LabConfig, streams: Streams
         while True:
             spin_for(listener, REFRESH_S)
             flows = streams.flows(listener.now_us(), lab)
-            live.update(Group(_table(flows), *identity_lines(flows)), refresh=True)
+            live.update(Group(_table(flows), *map(one_line, identity_lines(flows))), refresh=True)
 
 
 def _table(flows: list[Flow]) -> Table:
+    from rich.cells import cell_len
     from rich.table import Table
 
     table = Table()
@@ -123,10 +125,11 @@ def _table(flows: list[Flow]) -> Table:
         table.add_column(column, justify="right")
     # Names are what a person copies; on a narrow terminal numbers give way.
     table.columns[0].justify = "left"
-    table.columns[0].min_width = max((len(flow.name) for flow in flows), default=0)
-    for flow in flows:
+    names = [one_line(flow.name) for flow in flows]
+    table.columns[0].min_width = max(map(cell_len, names), default=0)
+    for name, flow in zip(names, flows, strict=True):
         table.add_row(
-            flow.name,
+            name,
             "-" if flow.rate_hz is None else f"{flow.rate_hz:.1f}",
             "-" if flow.nominal_hz is None else f"{flow.nominal_hz:.1f}",
             "-" if flow.jitter_s is None else f"{flow.jitter_s * MS:.2f}",

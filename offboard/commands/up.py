@@ -134,7 +134,7 @@ def _start_page(listener: Listener, lab: Supervisor, page: socket.socket, host: 
             lab.check()
         else:
             raise LabStateError(f"view: no answer on port {address[1]} within {PAGE_LIMIT_S:g} s")
-    err.print(f"page: {' or '.join(addresses(page, token))}", markup=False)
+    err.print(f"page: {' or '.join(addresses(page, token))}")
 
 
 def _show_until_interrupted(

@@ -97,7 +97,7 @@ def serve(
     desk = OperatorDesk(config, robot_known=robot_known)
 
     async def run() -> None:
-        server = Server(desk, Guard(token), lambda line: err.print(line, markup=False))
+        server = Server(desk, Guard(token), lambda line: err.print(line))
         settings = uvicorn.Config(
             server.app,
             ws="websockets-sansio",
@@ -114,7 +114,7 @@ def serve(
             loop = asyncio.get_running_loop()
             loop.add_reader(lifeline_fd, lambda: setattr(http, "should_exit", True))
         shown = " or ".join(addresses(listening, token))
-        err.print(f"the lab on {config.bus.url} is shown at {shown}", markup=False)
+        err.print(f"the lab on {config.bus.url} is shown at {shown}")
         await http.serve([listening])
 
     # uvicorn ends cleanly on a signal, then raises it once more.

@@ -83,7 +83,7 @@ def reproduce(
 
 
 def _print_line(line: str) -> None:
-    err.print(line, markup=False, highlight=False, soft_wrap=True)
+    err.print(line)
 
 
 def _open_folder(base: Path, request: dict[str, Any], *, resume: bool) -> None:

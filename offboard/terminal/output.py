@@ -6,17 +6,35 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+from offboard.terminal.visible_text import one_line, visible
 
 if TYPE_CHECKING:
     from koopman_lab.data.decode import PassedOver
     from koopman_lab.eventlog.eventlog import Damage
 
-out = Console(highlight=False, soft_wrap=True)
-err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+class PlainConsole(Console):
+    """Prints every text as it is, also in tables: names on the bus and in logs are anybody's.
+
+    Nothing in it is markup, and what a terminal would obey is shown.
+    """
+
+    def __init__(self, *, stderr: bool = False) -> None:
+        super().__init__(stderr=stderr, highlight=False, soft_wrap=True, markup=False, emoji=False)
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Return a text as rich prints it."""
+        return super().render_str(visible(text), **options)
+
+
+out = PlainConsole()
+err = PlainConsole(stderr=True)
 
 PLAIN_PERIOD_S = 10.0
 """Without a terminal a line this often, and at the end."""
@@ -33,7 +51,7 @@ def show_damage(file: Path, damage: Sequence[Damage]) -> None:
 def show_unreadable(file: Path, unreadable: Mapping[str, int]) -> None:
     """Say how many messages of each channel were passed over because nobody here can read them."""
     if unreadable:
-        counts = ", ".join(f"{count} of {name}" for name, count in unreadable.items())
+        counts = ", ".join(f"{count} of {one_line(name)}" for name, count in unreadable.items())
         err.print(
             f"{file}: passed over messages of layouts unknown to this version, or damaged: {counts}"
         )
@@ -74,16 +92,16 @@ def progress(what: str, unit: str = "") -> Iterator[Report]:
 @contextlib.contextmanager
 def _progress_bar(what: str, unit: str) -> Iterator[Report]:
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn(unit),
-        TextColumn("{task.fields[note]}"),
+        TextColumn("{task.fields[unit]}", markup=False),
+        TextColumn("{task.fields[note]}", markup=False),
         TimeRemainingColumn(),
         TextColumn("left"),
     )
     with Progress(*columns, console=err, speed_estimate_period=SPEED_PERIOD_S) as bar:
-        task, began = bar.add_task(what, total=None, note=""), False
+        task, began = bar.add_task(visible(what), total=None, unit=visible(unit), note=""), False
 
         def report(done: float, total: float, note: str = "") -> None:
             nonlocal began
@@ -92,7 +110,7 @@ def _progress_bar(what: str, unit: str) -> Iterator[Report]:
                 bar.update(task, completed=done)
                 bar.reset(task)
                 began = True
-            bar.update(task, completed=done, total=total, note=note)
+            bar.update(task, completed=done, total=total, note=visible(note))
 
         yield report
 
@@ -102,7 +120,7 @@ def status_line() -> Iterator[Callable[[str], None]]:
     """Give a function that shows a line in place of the last one; silent without a terminal."""
     if err.is_terminal:
         with err.status("") as line:
-            yield line.update
+            yield lambda text: line.update(Text(visible(text)))
     else:
         yield lambda _: None
 

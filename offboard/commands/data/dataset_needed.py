@@ -55,7 +55,7 @@ def needed(
     try:
         equivariant_basis(resolved)
     except ModelError as error:
-        err.print(f"without symmetric fits: {error}", markup=False)
+        err.print(f"without symmetric fits: {error}")
         methods = [name for name in methods if not study.METHODS[name].symmetric]
     counts = study.counts_of(opened.dataset)
     rows = []

@@ -114,7 +114,6 @@ MEASURES: dict[str, Callable[[Errors], float]] = {
 
 def _show(name: str, rows: Sequence[SweepRow], entries: Sequence[Entry]) -> None:
     """Print a column for each window; six of them fit into 80 characters."""
-    from rich.markup import escape
     from rich.table import Table
 
     from koopman_lab.evaluation.window_sweep import STEPS
@@ -128,7 +127,7 @@ def _show(name: str, rows: Sequence[SweepRow], entries: Sequence[Entry]) -> None
     table.add_row("pairs", "", *(str(row.pairs) for row in fitted))
     for entry in entries:
         cells = [f"{(row.entries or {})[entry.name]:.5f}" for row in fitted]
-        table.add_row(escape(entry.name), f"{entry.nominal:g}", *cells)
+        table.add_row(entry.name, f"{entry.nominal:g}", *cells)
     table.add_row("row of constant", "0", *(f"{row.constant_residual:.0e}" for row in fitted))
     table.add_row("condition", "", *(f"{row.condition:.2f}" for row in fitted))
     for steps, errors in (

@@ -53,7 +53,7 @@ def info(
         out.print_json(json.dumps(facts))
         return
     for line in lines(facts):
-        out.print(line, markup=False)
+        out.print(line)
 
 
 def lines(value: Any, indent: str = "") -> Iterator[str]:

@@ -159,7 +159,7 @@ def train_and_report(
             _show(report)
         else:
             for text in lines(report.as_dict()):
-                out.print(text, markup=False)
+                out.print(text)
         line = marker_line(learned.metadata.get("data", {}))
         if line:
             out.print(line)

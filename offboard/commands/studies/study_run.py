@@ -124,7 +124,7 @@ def trained_cases(
         file = plan.folder / "models" / f"{label}.npz"
         content, refused = models.trained(file, recipe, dataset, dictionary, lab.seed, keep=goes_on)
         if refused:
-            err.print(f"{label}: no model ({refused})", markup=False)
+            err.print(f"{label}: no model ({refused})")
         cases.append(Case(label, lab, "reprojected", seconds, content, refused))
     return cases
 
