@@ -90,7 +90,7 @@ def show(folder: RunFolder, summary: CalibrationSummary) -> None:
         f"{summary.messages_lost} messages lost: {folder.path}"
     )
     if summary.reason:
-        err.print(f"ended: {summary.reason}", markup=False)
+        err.print(f"ended: {summary.reason}")
     if summary.redraws:
         reasons = ", ".join(f"{reason}: {n}" for reason, n in summary.redraws.items())
         err.print(f"drawn again: {reasons}")
