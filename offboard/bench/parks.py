@@ -117,7 +117,7 @@ def parks(
     out.print(as_table(rows, lab.robot.kind))
     for row in rows:
         for reason, count in row.stopped.items():
-            err.print(f"{row.controller}: {count} stopped: {reason}", markup=False)
+            err.print(f"{row.controller}: {count} stopped: {reason}")
     err.print(
         f"within: |x2| <= {1e3 * LARGEST_X2_M:g} mm and |theta| <= "
         f"{math.degrees(LARGEST_ANGLE_RAD):g} deg of where the robot truly stands"
