@@ -80,11 +80,13 @@ class RobotView:
         self._mpc = LatestMessage(channels.MPC_STATE)
         self._sampler = LatestMessage(channels.SAMPLER_STATE)
         self._reference = LatestMessage(channels.REFERENCE_STATE)
+        self._interlock = LatestMessage(channels.INTERLOCK)
         self._info = LatestMessage(channels.SESSION_INFO)
         self._latest: dict[str, LatestMessage[Any]] = {
             latest.channel.suffix: latest
             for latest in (
                 *(self._pose, self._wheels, self._status, self._mpc, self._reference, self._info),
+                self._interlock,
             )
         }
         self._beats = {c.suffix: node for node, c in channels.HEARTBEATS.items()}
@@ -167,7 +169,9 @@ class RobotView:
         over = self.replay_detection.replay_over(now_us)
         lost_view = pose is not None and not pose.tracking_valid
         tables = self._tables_of(now_us)
-        trouble = [self._config_trouble] if self._config_trouble else []
+        interlock = self._interlock.young(now_us, YOUNG_S)
+        obstacle = f"not driven: {interlock.reason}" if interlock and interlock.reason else ""
+        trouble = [line for line in (obstacle, self._config_trouble) if line]
         return {
             "line": self._headline(now_us, tables.entries, status, mpc, sampler),
             "banners": headline.banners(tables.entries, tables.stale, lost_view=lost_view)

@@ -299,3 +299,14 @@ def test_memory_stays_bounded_however_long_the_lab_runs():
         view.take("R1_MOCAP_POSE", pose, k * 50_000)
     rows = view.histories(())[0]["R1"]["rows"]
     assert (rows["first"], rows["begin"], len(rows["items"])) == (2600, 2600, 2400)
+
+
+def test_what_keeps_a_robot_from_being_driven_is_on_the_page_as_long_as_it_does():
+    view, message = LabView(load_config()), lcmtypes.interlock_t()
+    message.reason = "outside the floor"
+    view.take("R1_INTERLOCK", message.encode(), 1_000_000)
+    assert "not driven: outside the floor" in view.snapshot(1_500_000)["R1"]["banners"]
+    assert view.snapshot(2_500_000)["R1"]["banners"] == []
+    message.utime, message.reason = 1_600_000, ""
+    view.take("R1_INTERLOCK", message.encode(), 1_600_000)
+    assert view.snapshot(1_700_000)["R1"]["banners"] == []
