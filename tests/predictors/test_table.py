@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import stranger_models
 from ideal_data import ideal_dataset
-from klab import MODEL
+from klab import MODEL, OLDER
 from nominal_runs import run
 from prediction_models import exact_d5t
 
@@ -29,6 +29,8 @@ from koopman_lab.predictors.table import (
     trainer_of,
 )
 from koopman_lab.robots.table import robot_type
+
+OLDER_MODEL = OLDER / "model.npz"
 
 
 @pytest.fixture
@@ -110,14 +112,16 @@ def stored_header(path):
 
 
 def test_a_file_that_names_no_predictor_is_of_the_bilinear_edmd(tmp_path):
-    assert "predictor" not in stored_header(MODEL)
-    assert read_model_file(MODEL).header == stored_header(MODEL) | {"predictor": "edmd"}
-    model = load_model(MODEL)
+    assert "predictor" not in stored_header(OLDER_MODEL)
+    assert read_model_file(OLDER_MODEL).header == stored_header(OLDER_MODEL) | {"predictor": "edmd"}
+    model = load_model(OLDER_MODEL)
     assert isinstance(model, BilinearModel)
     model.save(tmp_path / "again.npz")
     again = stored_header(tmp_path / "again.npz")
     assert again["predictor"] == "edmd"
-    assert {key: again[key] for key in stored_header(MODEL)} == stored_header(MODEL) | {"format": 2}
+    assert {key: again[key] for key in stored_header(OLDER_MODEL)} == stored_header(OLDER_MODEL) | {
+        "format": 2
+    }
 
 
 def test_a_predictor_that_is_not_installed_is_named_with_its_package(gains, tmp_path):
