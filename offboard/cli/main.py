@@ -1,73 +1,104 @@
-"""The ``klab`` command."""
+"""The ``klab`` command.
+
+Each command stands in the table by where it is. One that is named is imported alone, since all of
+them together take longer to load than most of them to run.
+"""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
+from functools import cache
+from pkgutil import resolve_name
+from typing import Any
+
+import typer
 
 from koopman_lab.errors import LabError
-from offboard.bench import commands as bench
-from offboard.cli import run
-from offboard.commands import log
-from offboard.commands.calibrate import calibrate
-from offboard.commands.compare import compare
-from offboard.commands.data import dataset_commands, figure
-from offboard.commands.data import model_info as model
-from offboard.commands.data.train_model import train
-from offboard.commands.data.validate import validate
-from offboard.commands.demo import demo
-from offboard.commands.doctor import doctor
-from offboard.commands.down import down
-from offboard.commands.drive_reference import reference
-from offboard.commands.estop import estop
-from offboard.commands.fault import fault
-from offboard.commands.goal import goal
-from offboard.commands.park import park
-from offboard.commands.replay_log import replay
-from offboard.commands.rerun_node import rerun
-from offboard.commands.simulate import simulate
-from offboard.commands.status import status
-from offboard.commands.studies import study
-from offboard.commands.topics import topics
-from offboard.commands.up import up
-from offboard.commands.view import view
-from offboard.reproduction.reproduce import reproduce
 from offboard.terminal.choices import Commands
 from offboard.terminal.output import err
 
 EXPECTED_MISTAKE = 2
 INTERRUPTED = 130
 
-app = Commands(
-    help="Calibrate a differential-drive robot, learn its Koopman model, park it.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-COMMANDS = (
-    *(demo, up, status, down, view, topics, calibrate, train, park, compare, simulate, reference),
-    *(validate, reproduce, replay, rerun, goal, estop, fault, doctor),
-)
-for command in COMMANDS:
-    app.command()(command)
-app.add_typer(run.app, name="run")
-app.add_typer(log.app, name="log")
-app.add_typer(dataset_commands.app, name="dataset")
-app.add_typer(model.app, name="model")
-app.add_typer(figure.app, name="figure")
-app.add_typer(bench.app, name="bench")
-app.add_typer(study.app, name="study")
+COMMANDS = {
+    "demo": "offboard.commands.demo:demo",
+    "up": "offboard.commands.up:up",
+    "status": "offboard.commands.status:status",
+    "down": "offboard.commands.down:down",
+    "view": "offboard.commands.view:view",
+    "topics": "offboard.commands.topics:topics",
+    "calibrate": "offboard.commands.calibrate:calibrate",
+    "train": "offboard.commands.data.train_model:train",
+    "park": "offboard.commands.park:park",
+    "compare": "offboard.commands.compare:compare",
+    "simulate": "offboard.commands.simulate:simulate",
+    "reference": "offboard.commands.drive_reference:reference",
+    "validate": "offboard.commands.data.validate:validate",
+    "reproduce": "offboard.reproduction.reproduce:reproduce",
+    "replay": "offboard.commands.replay_log:replay",
+    "rerun": "offboard.commands.rerun_node:rerun",
+    "goal": "offboard.commands.goal:goal",
+    "estop": "offboard.commands.estop:estop",
+    "fault": "offboard.commands.fault:fault",
+    "doctor": "offboard.commands.doctor:doctor",
+    "run": "offboard.cli.run:app",
+    "log": "offboard.commands.log:app",
+    "dataset": "offboard.commands.data.dataset_commands:app",
+    "model": "offboard.commands.data.model_info:app",
+    "figure": "offboard.commands.data.figure:app",
+    "bench": "offboard.bench.commands:app",
+    "study": "offboard.commands.studies.study:app",
+}
+"""Functions and groups, in the order of the help."""
+
+
+def app_of(names: Iterable[str]) -> Commands:
+    """Return the command line with some of the commands."""
+    commands = Commands(
+        help="Calibrate a differential-drive robot, learn its Koopman model, park it.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    # Without it a single command would be no subcommand.
+    commands.callback()(_group)
+    for name in names:
+        command = resolve_name(COMMANDS[name])
+        if isinstance(command, typer.Typer):
+            commands.add_typer(command, name=name)
+        else:
+            commands.command(name)(command)
+    return commands
+
+
+@cache
+def whole_app() -> Commands:
+    """Return the command line with all commands."""
+    return app_of(COMMANDS)
+
+
+def __getattr__(name: str) -> Any:
+    if name == "app":
+        return whole_app()
+    raise AttributeError(name)
 
 
 def main() -> None:
     """Run the command; an expected mistake is one message and exit code 2."""
+    named = sys.argv[1:2]
     try:
-        app()
+        (app_of(named) if named and named[0] in COMMANDS else whole_app())()
     except LabError as error:
         err.print(f"klab: {error}")
         sys.exit(EXPECTED_MISTAKE)
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
+
+
+def _group() -> None:
+    pass
 
 
 if __name__ == "__main__":
