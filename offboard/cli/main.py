@@ -51,6 +51,8 @@ COMMANDS = {
     "study": "offboard.commands.studies.study:app",
 }
 """Functions and groups, in the order of the help."""
+ABOUT_ALL = ("doctor",)
+"""Commands that say something of all commands."""
 
 
 def app_of(names: Iterable[str]) -> Commands:
@@ -87,9 +89,10 @@ def __getattr__(name: str) -> Any:
 
 def main() -> None:
     """Run the command; an expected mistake is one message and exit code 2."""
-    named = sys.argv[1:2]
+    named = sys.argv[1] if len(sys.argv) > 1 else ""
+    alone = named in COMMANDS and named not in ABOUT_ALL
     try:
-        (app_of(named) if named and named[0] in COMMANDS else whole_app())()
+        (app_of([named]) if alone else whole_app())()
     except LabError as error:
         err.print(f"klab: {error}")
         sys.exit(EXPECTED_MISTAKE)
