@@ -45,7 +45,7 @@ SPREAD = (
 
 They share nothing, or share it among processes.
 """
-LONGEST_FIRST = ("test_base_installation.py", *SPREAD)
+LONGEST_FIRST = ("test_base_installation.py", "test_mutate.py", *SPREAD)
 """Files to begin with, so that the others run beside them and not behind them."""
 
 

@@ -22,6 +22,7 @@ ELSEWHERE = {
     "by a shell: tests/packaging/test_first_hour.py": ("source .venv/bin/activate", "klab doctor"),
     "the bus is the test's": ("export LCM_DEFAULT_URL",),
     "would run this test within itself": ("./scripts/test", "./scripts/check"),
+    "on less: tests/packaging/test_mutate.py": ("./scripts/mutate",),
     "needs Java and a screen: tests/packaging/test_spy.py": ("./scripts/spy",),
 }
 """The beginnings of lines that are only parsed, by test_readme, under the reason."""
