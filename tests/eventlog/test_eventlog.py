@@ -96,7 +96,8 @@ def test_a_disk_that_refuses_is_one_clear_message(tmp_path):
     log.write("A", bytes(100_000), 0)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_500, hard))
     try:
-        with pytest.raises(LogError, match=r"log\.lcm: cannot be written after 1 events"):
+        words = r"log\.lcm: cannot be written after 1 events: .*; see whether the disk is full\. "
+        with pytest.raises(LogError, match=f"{words}What was written before is whole"):
             log.write("A", bytes(100_000), 0)
         log.close()
     finally:
@@ -205,6 +206,18 @@ def test_damage_tells_place_and_time_span(tmp_path):
     list(read_events(path, salvage=True, damage=damage))
     assert damage == [Damage(begins[3], begins[7] - begins[3], 2000, 7000)]
     assert str(damage[0]) == f"{4 * (HEADER + 4 + 20)} bytes at byte {begins[3]}, 0.005 s"
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "told"),
+    [(0, 2, "at the start"), (8, 10, "at the end"), (0, 1, "at the start")],
+)
+def test_damage_at_an_end_of_the_log_says_at_which(tmp_path, first, last, told):
+    path, begins, _ = damaged(tmp_path, plain(10), zeroed(first, last))
+    damage: list[Damage] = []
+    list(read_events(path, salvage=True, damage=damage))
+    assert damage[0].duration_s is None
+    assert str(damage[0]) == f"{begins[last] - begins[first]} bytes at byte {begins[first]}, {told}"
 
 
 def test_an_intact_log_has_no_damage(tmp_path):

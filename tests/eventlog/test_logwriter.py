@@ -30,6 +30,11 @@ def sequences(path):
     return SessionLog(path).array(MOCAP_POSE)["sequence"].tolist()
 
 
+def events_of_one(file):
+    """Return what one file of a log holds; the last may hold nothing yet."""
+    return list(read_events(file)) if file.stat().st_size else []
+
+
 def test_a_large_log_goes_on_in_a_next_file_and_is_read_as_one(tmp_path):
     path = tmp_path / "session.lcm"
     log = RotatingLogWriter(path, largest_bytes=1000)
@@ -45,6 +50,18 @@ def test_a_large_log_goes_on_in_a_next_file_and_is_read_as_one(tmp_path):
     assert [MOCAP_POSE.type.decode(e.data).sequence for e in read_events(files[1])] == sequences(
         files[1]
     )
+
+
+def test_a_file_is_full_from_just_so_many_bytes_on(tmp_path):
+    sizes = []
+    for spare in (0, 1):
+        path = tmp_path / str(spare) / "session.lcm"
+        path.parent.mkdir()
+        log = RotatingLogWriter(path, largest_bytes=2 * (28 + len(NAME) + len(pose(0))) + spare)
+        write(log, range(4))
+        log.close()
+        sizes.append([len(events_of_one(file)) for file in files_of_log(path)])
+    assert sizes == [[2, 2, 0], [3, 1]]
 
 
 def test_a_log_is_gone_on_with_only_when_asked(tmp_path):
