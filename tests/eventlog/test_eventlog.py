@@ -104,6 +104,29 @@ def test_a_disk_that_refuses_is_one_clear_message(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
+@pytest.mark.parametrize("before", [0, 1, 3])
+def test_a_log_goes_on_without_a_gap_once_the_disk_takes_more(tmp_path, before):
+    path = tmp_path / "log.lcm"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with EventLogWriter(path) as log:
+        for message in plain(before):
+            log.write(*message)
+            log.flush()  # never before the first: what fails may be the first of all
+        assert log.size == before * EVENT
+        resource.setrlimit(resource.RLIMIT_FSIZE, (before * EVENT + 10, hard))
+        try:
+            for message in plain(2):
+                log.write(*message)
+            with pytest.raises(LogError, match=f"cannot be written after {before} events"):
+                log.flush()
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        assert log.size == before * EVENT == path.stat().st_size
+        assert log.write("R1_A", bytes(20), 7) == EVENT
+    events = numbered([*plain(before), ("R1_A", bytes(20), 7)])
+    assert list(read_events(path)) == events
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [
@@ -152,6 +175,18 @@ def zeroed(first, last):
     return harm
 
 
+def sync_word_zeroed(content, begins):
+    content[begins[4] : begins[4] + 4] = bytes(4)
+    return content
+
+
+def sync_word_within(content, begins):
+    """Zero an event, and let a sync word stand there that begins none."""
+    zeroed(4, 5)(content, begins)
+    content[begins[4] + 9 : begins[4] + 13] = SYNC
+    return content
+
+
 def with_length(event, field, value):
     def harm(content, begins):
         at = begins[event] + {"name": 20, "data": 24}[field]
@@ -167,6 +202,8 @@ def with_length(event, field, value):
         pytest.param(zeroed(3, 7), {3, 4, 5, 6}, id="zeroed events"),
         pytest.param(zeroed(0, 2), {0, 1}, id="zeroed start"),
         pytest.param(zeroed(8, 10), {8, 9}, id="zeroed end"),
+        pytest.param(sync_word_zeroed, {4}, id="zeroed sync word"),
+        pytest.param(sync_word_within, {4}, id="zeroed event with a sync word"),
         pytest.param(lambda c, _: c[:-1], {9}, id="cut in the data"),
         pytest.param(lambda c, b: c[: b[9] + 11], {9}, id="cut in the header"),
         pytest.param(lambda c, b: c[: b[9] + 2], {9}, id="cut in the sync word"),
@@ -218,6 +255,28 @@ def test_damage_at_an_end_of_the_log_says_at_which(tmp_path, first, last, told):
     list(read_events(path, salvage=True, damage=damage))
     assert damage[0].duration_s is None
     assert str(damage[0]) == f"{begins[last] - begins[first]} bytes at byte {begins[first]}, {told}"
+
+
+@pytest.mark.parametrize("size", [1, 2, 27, 28, 29])
+def test_bytes_before_the_first_event_cost_none(tmp_path, size):
+    path, _, events = damaged(tmp_path, plain(10), lambda content, _: b"?" * size + content)
+    damage: list[Damage] = []
+    assert list(read_events(path, salvage=True, damage=damage)) == events
+    assert damage == [Damage(0, size, None, 0)]
+
+
+def test_logs_one_behind_the_other_in_a_file_are_read_as_one(tmp_path):
+    """Their numbers begin again; the second is the longer one, and goes on beyond the first's."""
+    path = tmp_path / "log.lcm"
+    parts = []
+    for count in (3, 6):
+        write(path, plain(count))
+        parts.append(path.read_bytes())
+    path.write_bytes(b"".join(parts))
+    damage: list[Damage] = []
+    together = list(read_events(path, salvage=True, damage=damage))
+    assert together == numbered(plain(3)) + numbered(plain(6))
+    assert damage == []
 
 
 def test_an_intact_log_has_no_damage(tmp_path):
