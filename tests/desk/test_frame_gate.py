@@ -12,6 +12,7 @@ from offboard.desk.measurements import Frame
 
 CONFIG = load_config(robot="kinematic")
 HOUR_US = 3_600_000_000
+PLACE = Pose(0.2, 0.1, 0.5)
 NOW_US = 1_700_000_000_000_000
 
 
@@ -36,11 +37,11 @@ def test_a_jump_is_said_in_metres_and_degrees():
     assert jump_text(Pose(1.0, 1.0, 3.1), Pose(1.3, 0.6, -3.1)) == "jumped by 0.50 m and 5 deg"
 
 
-def settled(rolled=REST, steps=20, pose=Pose(0.2, 0.1, 0.5)):
+def settled(rolled=REST, steps=20):
     gate = FrameGate(CONFIG, 0.1)
     for k in range(steps):
         now_us = NOW_US + k * 50_000
-        gate.update([Frame(now_us, pose, True)], now_us, rolled, driving=True)
+        gate.update([Frame(now_us, PLACE, True)], now_us, rolled, driving=True)
     return gate, now_us
 
 
