@@ -210,6 +210,7 @@ class DataSet:
             "marker": recorded.marker.as_dict(),
             "runs": len(recorded.runs),
             "runs_given_up": recorded.given_up,
+            "session": recorded.account.as_dict(),
             "basis_inputs": {str(index): part.account for index, part in collected.items()},
         }
         return cls(

@@ -11,6 +11,7 @@ from koopman_lab.data.collect import check_frames, check_runs
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.marker import MarkerOffset, find_marker, without_offset
 from koopman_lab.data.segments import Run, Segment, basis_runs, completed, cut
+from koopman_lab.data.session_account import SessionAccount, judged_frames, session_account
 from koopman_lab.errors import DataError
 
 
@@ -37,7 +38,10 @@ class Recording:
     segments
         Segments of the complete runs, in order of time; the poses are the robot's if
         ``settings.remove_marker_offset`` says so and the marker offset is known, and those of the
-        tracked frame otherwise.
+        tracked frame otherwise. Frames that cannot show the robot are in none
+        (:mod:`koopman_lab.data.believable_frames`).
+    account
+        What was recorded and used, in numbers.
     """
 
     path: Path
@@ -48,6 +52,7 @@ class Recording:
     runs: list[Run]
     given_up: int
     segments: list[Segment]
+    account: SessionAccount
 
     def segments_of(self, basis_index: int) -> list[Segment]:
         """Return the segments under one basis input."""
@@ -83,7 +88,7 @@ def recording(
     """
     config = log.config() if config is None else config
     settings = _settings(config.processing, dt_s, window)
-    frames, states = log.array(MOCAP_POSE), log.array(SAMPLER_STATE)
+    states = log.array(SAMPLER_STATE)
     runs = basis_runs(states)
     rate_hz, inputs = config.mocap.rate_hz, config.sampler.indexed_inputs
     if not runs and len(log.array(REFERENCE_STATE, needed=False)):
@@ -93,6 +98,8 @@ def recording(
         )
     complete = completed(runs, states)
     check_runs(f"{log.path}, {SAMPLER_STATE.name(log.robot_name)}", complete, inputs)
+    judged = judged_frames(log, config, complete)
+    frames = judged.frames
     check_frames(f"{log.path}, {MOCAP_POSE.name(log.robot_name)}", frames["utime"], rate_hz)
     segments = cut(
         complete,
@@ -101,13 +108,16 @@ def recording(
         discard_start_s=settings.discard_start_s,
         discard_end_s=settings.discard_end_s,
     )
+    account = session_account(
+        log, config.model_copy(update={"processing": settings}), judged, complete, segments
+    )
     marker = find_marker(states, frames, rate_hz)
     if settings.remove_marker_offset and marker.offset is not None:
         offset = marker.offset
         segments = [s._replace(poses=without_offset(s.poses, offset)) for s in segments]
     given_up = len(runs) - len(complete)
     return Recording(
-        log.path, config, log.robot_name, settings, marker, complete, given_up, segments
+        log.path, config, log.robot_name, settings, marker, complete, given_up, segments, account
     )
 
 

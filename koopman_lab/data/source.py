@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from koopman_lab.config.load import load_config
 from koopman_lab.data.dat import is_folder, read_folder
@@ -12,6 +13,7 @@ from koopman_lab.data.decode import PassedOver, SessionLog
 from koopman_lab.errors import DataError
 
 ENDING = ".npz"
+GEOMETRY = ("wheel_radius_m", "track_width_m")
 
 
 class Source(NamedTuple):
@@ -77,6 +79,15 @@ def window_of(dataset: DataSet) -> int | None:
     """Return the smoothing window (frames) that a data set says, None if it says none."""
     processing = dataset.metadata.get("processing")
     return processing.get("smoothing_window") if isinstance(processing, dict) else None
+
+
+def geometry_of(metadata: Mapping[str, Any]) -> dict[str, float | None]:
+    """Return the lengths (m) that turn commands into motion, by their keys in ``robot``.
+
+    ``metadata`` are those of a data set; what they do not say is None.
+    """
+    robot = metadata.get("robot")
+    return {name: robot.get(name) if isinstance(robot, dict) else None for name in GEOMETRY}
 
 
 def _require_processing(

@@ -9,10 +9,9 @@ import numpy as np
 
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.source import window_of
+from koopman_lab.evaluation.data_verdict import excitations
+from koopman_lab.evaluation.session_verdict import recorded_verdicts
 from koopman_lab.koopman.dictionary import dictionary
-from koopman_lab.koopman.excitation import excitation
-from koopman_lab.koopman.lifted_samples import add_samples, lifted_samples
-from koopman_lab.koopman.moments import Moments
 
 
 def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:
@@ -21,7 +20,8 @@ def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:
     For each basis input: its value, the number of pairs and runs, the smallest and the largest
     value of each state, in its unit, the number of successors whose angle lies outside (-pi, pi],
     and the
-    :class:`~koopman_lab.koopman.excitation.Excitation` of the dictionary.
+    :class:`~koopman_lab.koopman.excitation.Excitation` of the dictionary. Then what is made of it:
+    the verdicts on the data and, where they say of what session they are, on the session.
 
     Raises
     ------
@@ -30,12 +30,11 @@ def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:
     """
     observables = dictionary(dictionary_name, dataset.robot_kind)
     names = dataset.robot.state_names
+    spans = excitations(dataset, dictionary_name)
     bases = {}
     for index, u in sorted(dataset.basis_inputs.items()):
         X, Y = dataset.X[index], dataset.Y[index]
-        moments = Moments(observables.size)
-        add_samples(moments, lifted_samples(dataset, index, observables))
-        excited = asdict(excitation(moments))
+        excited = asdict(spans[index])
         if not np.isfinite(excited["condition"]):
             excited["condition"] = None
         bases[str(index)] = {
@@ -59,4 +58,8 @@ def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:
         "marker": dataset.metadata.get("marker"),
         "dictionary": observables.name,
         "basis_inputs": bases,
+        "verdicts": {
+            name: verdict.as_dict()
+            for name, verdict in recorded_verdicts(dataset, spans, observables.name).items()
+        },
     }

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.data.dataset import DataSet
-from koopman_lab.data.source import window_of
+from koopman_lab.data.source import geometry_of, window_of
 from koopman_lab.errors import DataError
 from koopman_lab.koopman.basis_fit import fit_all
 from koopman_lab.koopman.bilinear_model import BilinearModel
@@ -61,8 +61,9 @@ class Trainer:
         ModelError
             If there is no such dictionary for the robot.
         DataError
-            If the data set was taken with other inputs, sampling time, window or robot than the
-            first one, is one taken in before, or does not say what the estimator needs.
+            If the data set was taken with other inputs, sampling time, window or robot (kind or
+            geometry) than the first one, is one taken in before, or does not say what the
+            estimator needs.
         """
         observables = self._dictionary_for(dataset)
         data_hash = dataset.data_hash
@@ -212,6 +213,7 @@ def _without_folder(metadata: Mapping[str, Any]) -> dict[str, Any]:
 def _common_facts(dataset: DataSet) -> dict[str, Any]:
     return {
         "robot": dataset.robot_kind,
+        **geometry_of(dataset.metadata),
         "dt_s": dataset.dt_s,
         "window": window_of(dataset),
         "processing": dataset.metadata.get("processing"),

@@ -12,7 +12,7 @@ from koopman_lab.config.load import read_record
 from koopman_lab.errors import ConfigError
 from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
-from offboard.terminal.output import err
+from offboard.terminal.output import err, show_verdicts
 
 if TYPE_CHECKING:
     from offboard.desk.results import CalibrationSummary
@@ -94,3 +94,4 @@ def show(folder: RunFolder, summary: CalibrationSummary) -> None:
     if summary.redraws:
         reasons = ", ".join(f"{reason}: {n}" for reason, n in summary.redraws.items())
         err.print(f"drawn again: {reasons}")
+    show_verdicts({"session and data": summary.verdict})

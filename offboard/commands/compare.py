@@ -66,6 +66,7 @@ def compare(
 
     Example: klab compare --model runs/model.npz --lockstep --out runs/lab-runs
     """
+    from koopman_lab.evaluation.fit_to_drive import require_fit_to_drive
     from koopman_lab.predictors.predictor import require_robot
     from koopman_lab.predictors.table import load_model, prediction_of
     from offboard.lab import parking_run
@@ -86,6 +87,7 @@ def compare(
     }
     for name, variant in labs.items():
         sessions[name].require_possible(variant)
+        require_fit_to_drive(loaded, variant)
     comparison = new_folder(out, "compare", lab)
     ends, curves = {}, []
     for name, variant in labs.items():

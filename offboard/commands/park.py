@@ -11,7 +11,7 @@ from koopman_lab.robots.table import robot_type
 from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
 from offboard.terminal.needs import needs
-from offboard.terminal.output import err
+from offboard.terminal.output import err, show_verdicts
 
 if TYPE_CHECKING:
     from offboard.desk.results import ParkSummary
@@ -35,11 +35,13 @@ def park(
 ) -> None:
     """Park the robot: DIR gets the log, summary.json, trajectory.csv and a figure of the path.
 
-    The robot's kind is that of the model. In real time plant and onboard loop are started too,
-    unless they run already.
+    The robot's kind is that of the model. A model that would drive it the wrong way, or is of
+    another geometry, is refused. In real time plant and onboard loop are started too, unless they
+    run already.
 
     Example: klab park --model runs/model.npz --start -1.1 -0.53 -42.68 --lockstep
     """
+    from koopman_lab.evaluation.fit_to_drive import require_fit_to_drive
     from koopman_lab.predictors.predictor import require_robot
     from koopman_lab.predictors.table import load_model, prediction_of
     from offboard.lab import parking_run
@@ -58,6 +60,9 @@ def park(
     prediction = prediction_of(loaded, lab.controller)
     session = parking_run.Parking(model, options.pose_from_typed(goal), start_pose, prediction)
     session.require_possible(lab)
+    judged = require_fit_to_drive(loaded, lab)
+    if judged.level != "good":
+        show_verdicts({"model": judged})
     listener = session_listener(lab, lockstep=lockstep)
     folder = new_folder(out, "park", lab)
     summary = parking_run.park(lab, folder, listener, session)

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from koopman_lab.evaluation.plausibility import Verdict
 from koopman_lab.geometry.planar import Pose
 
 Row = Annotated[tuple[float, ...], Field(min_length=8)]
@@ -142,6 +143,8 @@ class CalibrationSummary(CalibrationOutcome, SessionSummary):
     """Largest error that times of the board can have (s); None if it never learned the time."""
     messages_lost: int
     """Number of messages that sequence numbers show missing, over all channels of the log."""
+    verdict: Verdict
+    """What is made of the session and its data, and why; an unusable session is not complete."""
 
 
 class ReferenceSummary(ReferenceOutcome, SessionSummary):

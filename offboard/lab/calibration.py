@@ -11,6 +11,9 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.errors import LabError
+from koopman_lab.evaluation.data_verdict import excitations
+from koopman_lab.evaluation.plausibility import Reason, Verdict, together, verdict
+from koopman_lab.evaluation.session_verdict import recorded_verdicts
 from offboard.desk.floor import require_sets_on_floor
 from offboard.desk.results import CalibrationOutcome, CalibrationSummary
 from offboard.lab.run_folder import RunFolder
@@ -138,12 +141,13 @@ def calibrate(
     session = session or Calibration()
     run = run_session(session, config, folder, listener)
     log = SessionLog(folder.log, salvage=session.before is not None)
+    samples, judged = _judged(log)
     summary = CalibrationSummary(
-        **run.outcome.model_dump(),
+        **run.outcome.model_dump() | {"complete": run.outcome.complete and judged.usable},
         lockstep=listener is None,
         times_real_time=run.times_real_time,
         duration_s=log.duration_s,
-        samples=_sample_counts(log, complete=run.outcome.complete),
+        samples=samples,
         clock_error_s=log.clock_error_s(),
         messages_lost=sum(
             # Beside the logger of `klab up` two number these channels, each on its own.
@@ -151,16 +155,21 @@ def calibrate(
             for name, channel in log.channels.items()
             if split_name(name)[1].publisher != "logger"
         ),
+        verdict=judged,
     )
     folder.write_summary(config, summary.model_dump())
     return summary
 
 
-def _sample_counts(log: SessionLog, *, complete: bool) -> dict[str, int]:
-    """Return the number of pairs by basis input; of a part of a session there may be none."""
+def _judged(log: SessionLog) -> tuple[dict[str, int], Verdict]:
+    """Return the number of pairs by basis input, and the verdict on the session and its data.
+
+    Of a session that gave no data there are none; what hindered it is the reason.
+    """
     try:
-        return {str(index): len(x) for index, x in DataSet.from_log(log).X.items()}
-    except LabError:
-        if complete:
-            raise
-        return {}
+        dataset = DataSet.from_log(log)
+        name = log.config().model.dictionary
+        parts = recorded_verdicts(dataset, excitations(dataset, name), name)
+    except LabError as error:
+        return {}, verdict([Reason("unusable", str(error))], {})
+    return {str(index): len(x) for index, x in dataset.X.items()}, together(**parts)

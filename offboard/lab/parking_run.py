@@ -72,7 +72,9 @@ class Parking(SessionKind["ControllerNode", ParkOutcome]):
         Raises
         ------
         ModelError
-            If the model is of another robot or another sampling time than the configuration.
+            If the model is of another robot or another sampling time than the configuration, or
+            was read here and must not drive
+            (:func:`~koopman_lab.evaluation.fit_to_drive.require_fit_to_drive`).
         ConfigError
             If the weights do not fit the cost.
         LabStateError
@@ -140,10 +142,13 @@ class Parking(SessionKind["ControllerNode", ParkOutcome]):
         return self.limit_s(config) + START_LIMIT_S
 
     def _prediction_model(self, config: LabConfig) -> PredictionModel:
-        from koopman_lab.predictors.table import load_prediction
+        from koopman_lab.evaluation.fit_to_drive import require_fit_to_drive
+        from koopman_lab.predictors.table import load_model, prediction_of
 
         if self._prediction is None:
-            self._prediction = load_prediction(self.model, config.controller)
+            model = load_model(self.model)
+            require_fit_to_drive(model, config)
+            self._prediction = prediction_of(model, config.controller)
         return self._prediction
 
 

@@ -16,6 +16,7 @@ from offboard.terminal.visible_text import one_line, visible
 
 if TYPE_CHECKING:
     from koopman_lab.data.decode import PassedOver
+    from koopman_lab.evaluation.plausibility import Verdict
     from koopman_lab.eventlog.eventlog import Damage
 
 
@@ -62,6 +63,15 @@ def show_passed_over(passed_over: PassedOver | None) -> None:
     if passed_over is not None:
         show_damage(passed_over.file, passed_over.damage)
         show_unreadable(passed_over.file, passed_over.unreadable)
+
+
+def show_verdicts(verdicts: Mapping[str, Verdict], console: Console = err) -> None:
+    """Say what is made of a session, its data or a model, and why; remarks as well."""
+    for name, verdict in verdicts.items():
+        console.print(f"{name}: {verdict.level}", markup=False)
+        for reason in verdict.reasons:
+            prefix = "" if reason.level == "good" else f"{reason.level}: "
+            console.print(f"  {prefix}{reason.text}", markup=False)
 
 
 class Report(Protocol):

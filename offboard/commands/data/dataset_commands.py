@@ -17,7 +17,7 @@ from offboard.commands.data.dataset_sweep import sweep
 from offboard.commands.data.marker_line import marker_line
 from offboard.terminal import options
 from offboard.terminal.choices import Commands
-from offboard.terminal.output import err, out, show_passed_over
+from offboard.terminal.output import err, out, show_passed_over, show_verdicts
 
 if TYPE_CHECKING:
     from koopman_lab.data.dataset import DataSet
@@ -58,6 +58,8 @@ def make(
 ) -> None:
     """Make the data set of a session: pairs of states and successors for each basis input.
 
+    Session and data are judged.
+
     Example: klab dataset make runs/calibration --window 40 --out runs/data.npz
     """
     from koopman_lab.data.source import open_source
@@ -65,6 +67,7 @@ def make(
     opened = open_source(session, dt_s=dt_s, window=window, salvage=salvage)
     _save(_with_origin(opened), file if file is not None else opened.folder / "data.npz")
     show_passed_over(opened.passed_over)
+    _judge(opened.dataset, opened.dictionary)
 
 
 @app.command()
@@ -77,20 +80,22 @@ def info(
     salvage: options.Salvage = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Show pairs, runs, ranges of the states, and what of the dictionary they excite.
+    """Show pairs, runs, ranges of the states, what of the dictionary they excite, and verdicts.
 
     Example: klab dataset info runs/calibration --dictionary D5t
     """
     from koopman_lab.data.source import open_source
     from koopman_lab.evaluation.describe import describe
+    from koopman_lab.evaluation.plausibility import from_dict
 
     opened = open_source(source, robot_kind=robot, dt_s=dt_s, window=window, salvage=salvage)
-    facts = {"file": str(opened.file)}
+    facts: dict[str, Any] = {"file": str(opened.file)}
     facts |= describe(opened.dataset, dictionary or opened.dictionary)
     if as_json:
         out.print_json(json.dumps(facts))
     else:
         _show(facts, marker_line(opened.dataset.metadata))
+        show_verdicts({name: from_dict(v) for name, v in facts["verdicts"].items()}, out)
     show_passed_over(opened.passed_over)
 
 
@@ -142,10 +147,12 @@ def import_(
     """Make a data set of a published folder, for example of DOI 10.18419/DARUS-4538.
 
     Robot and sampling time are needed where the folder was not written by `klab dataset export`;
-    its basis inputs are those of the configuration (sampler.basis_inputs).
+    its basis inputs are those of the configuration (sampler.basis_inputs), against which the data
+    are judged.
 
     Example: klab dataset import runs/dat --robot kinematic --dt 0.05 --out runs/imported.npz
     """
+    from koopman_lab.config.load import load_config
     from koopman_lab.data.dat import read_folder
 
     kind = robot
@@ -156,6 +163,15 @@ def import_(
     dataset = read_folder(folder, kind, dt_s, inputs)
     beside = folder.resolve()
     _save(dataset, file if file is not None else beside.with_name(f"{beside.name}.npz"))
+    _judge(dataset, load_config(robot=dataset.robot_kind).model.dictionary)
+
+
+def _judge(dataset: DataSet, dictionary: str) -> None:
+    """Show the verdicts on a data set and its session."""
+    from koopman_lab.evaluation.data_verdict import excitations
+    from koopman_lab.evaluation.session_verdict import recorded_verdicts
+
+    show_verdicts(recorded_verdicts(dataset, excitations(dataset, dictionary), dictionary))
 
 
 def _with_origin(opened: Source) -> DataSet:

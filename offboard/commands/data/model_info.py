@@ -12,7 +12,7 @@ import typer
 from offboard.terminal import options
 from offboard.terminal.choices import Commands
 from offboard.terminal.needs import needs
-from offboard.terminal.output import out
+from offboard.terminal.output import out, show_verdicts
 
 app = Commands(help="Look into model files.", no_args_is_help=True)
 
@@ -34,26 +34,35 @@ def info(
 ) -> None:
     """Say what a model is, what it was learned from, how well, and by which versions.
 
-    Everything that its file holds but the matrices; numbers to six digits, as --json in full.
+    Everything that its file holds but the matrices; numbers to six digits, as --json in full. At
+    the end the verdicts on its data, as it was trained, and on what it predicts.
 
     Example: klab model info runs/model.npz
     """
+    from koopman_lab.evaluation.fit_to_drive import STORED
+    from koopman_lab.evaluation.model_verdict import model_verdict
+    from koopman_lab.evaluation.plausibility import from_dict
     from koopman_lab.files import sha256
     from koopman_lab.koopman.model_file import read_model_file
     from koopman_lab.predictors.table import model_of
 
     read = read_model_file(file)
-    model_of(read)  # for what it refuses
+    judged = model_verdict(model_of(read))
     # As it was written: whatever a version adds to it is shown without a word here.
     _, header, arrays = read
     metadata = header.pop("metadata")
+    stored = metadata.pop(STORED, {})
     small = {name: a.tolist() for name, a in sorted(arrays.items()) if a.ndim <= MOST_AXES}
     facts = {"file": str(file), "sha256": sha256(file), **header, **small, **metadata}
     if as_json:
-        out.print_json(json.dumps(facts))
+        out.print_json(json.dumps(facts | {STORED: stored | {"model": judged.as_dict()}}))
         return
     for line in lines(facts):
         out.print(line)
+    for source in stored.get("sources", ()):
+        parts = sorted(source.items(), reverse=True)  # the session before its data
+        show_verdicts({name: from_dict(part) for name, part in parts}, out)
+    show_verdicts({"model": judged}, out)
 
 
 def lines(value: Any, indent: str = "") -> Iterator[str]:

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from koopman_lab.errors import ModelError
+from koopman_lab.errors import LabError, ModelError
 from offboard.commands.data.marker_line import marker_line
 from offboard.commands.data.model_info import lines
+from offboard.commands.data.training_verdicts import judged_model, judged_source
 from offboard.terminal import options
 from offboard.terminal.choices import name_option
 from offboard.terminal.needs import needs
-from offboard.terminal.output import err, out, show_passed_over
+from offboard.terminal.output import err, out, show_passed_over, show_verdicts
 
 if TYPE_CHECKING:
     from koopman_lab.koopman.training_report import Method, TrainingReport
@@ -79,7 +80,10 @@ def train(
     salvage: options.Salvage = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Fit a bilinear Koopman model; prints samples, rank, condition, defects.
+    """Fit a bilinear Koopman model; prints samples, rank, condition, defects, verdicts.
+
+    Sessions, data and model are judged, and the model keeps that: `klab park` refuses one that
+    would drive the wrong way.
 
     With --predictor another package's model instead, which says what it makes of the other options.
     A folder of .dat files from elsewhere needs --robot and --dt.
@@ -115,7 +119,7 @@ def train_and_report(
     salvage: bool = False,
     as_json: bool = False,
 ) -> Path:
-    """Train, print the report, and return where the model is.
+    """Train, print the report and the verdicts, which the model keeps; return where it is.
 
     Raises
     ------
@@ -123,13 +127,14 @@ def train_and_report(
         If a source cannot be used, or together they do not excite the dictionary.
     """
     from koopman_lab.data.source import open_source
+    from koopman_lab.evaluation.fit_to_drive import with_verdict
     from koopman_lab.koopman.training_report import Method, TrainingReport
     from koopman_lab.predictors.table import PREDICTORS, trainer_of
 
     PREDICTORS.get(predictor)  # before hours of data are read
     method = method or Method()
     trainer = folder = None
-    passed_over = []
+    passed_over, verdicts = [], []
     for source in sources:
         opened = open_source(
             source, robot_kind=robot_kind, dt_s=dt_s, window=window, salvage=salvage
@@ -137,11 +142,20 @@ def train_and_report(
         if trainer is None or folder is None:
             trainer = trainer_of(predictor, dictionary or opened.dictionary, method)
             folder = opened.folder
+        verdicts.append(judged_source(opened))
         trainer.add(opened.dataset)
         passed_over.append(opened.passed_over)
     assert trainer is not None  # typer and the callers give at least one source
     assert folder is not None
-    learned, report = trainer.result()
+    try:
+        learned, report = trainer.result()
+    except LabError:
+        for of_source in verdicts:
+            show_verdicts(of_source)
+        raise
+    data_usable = all(v.usable for of_source in verdicts for v in of_source.values())
+    judged = judged_model(learned, report, data_usable=data_usable)
+    learned = with_verdict(learned, judged, verdicts)
     path = model if model is not None else folder / "model.npz"
     try:
         learned.save(path)
@@ -153,7 +167,8 @@ def train_and_report(
         show_passed_over(part)
     if as_json:
         marker = learned.metadata.get("data", {}).get("marker")
-        out.print_json(json.dumps(report.as_dict() | {"model": str(path), "marker": marker}))
+        facts = {"model": str(path), "marker": marker, "verdict": learned.metadata.get("verdict")}
+        out.print_json(json.dumps(report.as_dict() | facts))
     else:
         if isinstance(report, TrainingReport):
             _show(report)
@@ -163,6 +178,10 @@ def train_and_report(
         line = marker_line(learned.metadata.get("data", {}))
         if line:
             out.print(line)
+        for source, of_source in zip(sources, verdicts, strict=True):
+            prefix = f"{source}, " if len(sources) > 1 else ""
+            show_verdicts({f"{prefix}{name}": v for name, v in of_source.items()}, out)
+        show_verdicts({"model": judged}, out)
         err.print(f"model: {path}")
     return path
 

@@ -1,0 +1,143 @@
+"""The verdict on a data set: whether its pairs can be those of the robot under its basis inputs.
+
+Pairs alone are asked, so that a data set of anybody is judged like our own.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from koopman_lab.data.dataset import DataSet
+from koopman_lab.evaluation.motion_reasons import data_reasons
+from koopman_lab.evaluation.nominal_motion import NominalMotion, motion_of_data
+from koopman_lab.evaluation.plausibility import Reason, Verdict, verdict
+from koopman_lab.koopman.dictionary import dictionary
+from koopman_lab.koopman.excitation import Excitation, excitation
+from koopman_lab.koopman.lifted_samples import add_samples, lifted_samples
+from koopman_lab.koopman.moments import Moments
+
+GOOD_CONDITION = 300.0
+"""Assumption: sets that excite the paper's dictionaries well have 16 to 120."""
+MOST_EXCHANGES = 24
+"""Orders of the basis inputs that are tried where data contradict them: all of up to four."""
+FILES_EXCHANGED = "X_i.dat and Y_i.dat are exchanged: each row of Y follows that of X"
+
+
+def data_verdict(
+    dataset: DataSet, spans: Mapping[int, Excitation] | None = None, dictionary_name: str = ""
+) -> Verdict:
+    """Judge a data set.
+
+    Parameters
+    ----------
+    dataset
+        Pairs of any origin.
+    spans
+        How the samples of each basis input excite a dictionary, from :func:`excitations`; None
+        leaves that out.
+    dictionary_name
+        Name of the dictionary.
+    """
+    spans = spans or {}
+    motion = motion_of_data(dataset)
+    figures: dict[str, Any] = {
+        "pairs": {str(index): len(X) for index, X in sorted(dataset.X.items())},
+        "motion": None if motion is None else motion.as_dict(),
+        "excitation": {str(index): _excited(span) for index, span in spans.items()},
+    }
+    reasons = [*_of_counts(dataset), *excitation_reasons(spans, dictionary_name)]
+    if motion is not None:
+        reasons += _of_motion(dataset, motion)
+    return verdict(reasons, figures)
+
+
+def excitations(dataset: DataSet, dictionary_name: str) -> dict[int, Excitation]:
+    """Return how the samples of each basis input excite a dictionary.
+
+    Raises
+    ------
+    ModelError
+        If there is no such dictionary for the robot.
+    """
+    observables = dictionary(dictionary_name, dataset.robot_kind)
+    spans = {}
+    for index in sorted(dataset.basis_inputs):
+        moments = Moments(observables.size)
+        add_samples(moments, lifted_samples(dataset, index, observables))
+        spans[index] = excitation(moments)
+    return spans
+
+
+def _excited(span: Excitation) -> dict[str, Any]:
+    finite = span.condition < float("inf")
+    return {"rank": span.rank, "condition": span.condition if finite else None}
+
+
+def _of_counts(dataset: DataSet) -> Iterator[Reason]:
+    empty = [f"u_{index}" for index, X in sorted(dataset.X.items()) if not len(X)]
+    if empty:
+        yield Reason(
+            "unusable",
+            f"no sample of {', '.join(empty)}; record more segments with `klab calibrate`, or look "
+            "at what the session lost",
+        )
+
+
+def excitation_reasons(spans: Mapping[int, Excitation], name: str) -> Iterator[Reason]:
+    """Give what keeps samples, by the index of their input, from training a dictionary."""
+    for index, span in spans.items():
+        if span.samples and span.rank < span.observables:
+            yield Reason(
+                "unusable",
+                f"u_{index}: {span.samples} samples of {span.segments} segments span only "
+                f"{span.rank} of the {span.observables} observables of {name}; record more "
+                "segments from other states, or choose a smaller dictionary",
+            )
+        elif span.samples and span.condition > GOOD_CONDITION:
+            yield Reason(
+                "weak",
+                f"u_{index}: the samples span {name} badly (condition {span.condition:.0f}); "
+                "record more segments from other states",
+            )
+
+
+def _of_motion(dataset: DataSet, motion: NominalMotion) -> list[Reason]:
+    reasons = data_reasons(motion, dataset.robot)
+    if not any(reason.level == "unusable" for reason in reasons):
+        return reasons
+    return data_reasons(motion, dataset.robot, [*_exchanges(dataset)])
+
+
+def _exchanges(dataset: DataSet) -> Iterator[str]:
+    """Name the exchanges of files or inputs without which the data would be as they should."""
+    indices = sorted(index for index, X in dataset.X.items() if len(X))
+    orders = itertools.islice(itertools.permutations(indices), 1, MOST_EXCHANGES)
+    for order in orders:
+        stated = {i: dataset.basis_inputs[j] for i, j in zip(indices, order, strict=True)}
+        motion = motion_of_data(dataset, stated)
+        if motion is not None and not data_reasons(motion, dataset.robot):
+            names = [f"u_{i}" for i, j in zip(indices, order, strict=True) if i != j]
+            yield (
+                f"the inputs {' and '.join(names)} are exchanged; exchange their files, or give "
+                "sampler.basis_inputs in the order of the data"
+            )
+    backwards = motion_of_data(_back_in_time(dataset))
+    recorded = "runs" in dataset.metadata
+    if not recorded and backwards is not None and not data_reasons(backwards, dataset.robot):
+        yield FILES_EXCHANGED
+
+
+def _back_in_time(dataset: DataSet) -> DataSet:
+    """Return the data set with states and successors exchanged."""
+    return DataSet(
+        X=dataset.Y,
+        Y=dataset.X,
+        segments=dataset.segments,
+        start_us=dataset.start_us,
+        basis_inputs=dataset.basis_inputs,
+        dt_s=dataset.dt_s,
+        robot_kind=dataset.robot_kind,
+        metadata=dataset.metadata,
+    )
