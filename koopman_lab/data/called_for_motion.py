@@ -71,6 +71,16 @@ class WheelMotion:
     def __len__(self) -> int:
         return len(self._utime)
 
+    @property
+    def first_us(self) -> int:
+        """Return the time (us) of the first message; there must be one."""
+        return int(self._utime[0])
+
+    @property
+    def last_us(self) -> int:
+        """Return the time (us) of the last message; there must be one."""
+        return int(self._utime[-1])
+
     def between(self, begin_us: Times, end_us: Times) -> Motion:
         """Return the motion from times (k,) to times (k,), in us."""
         if len(self) < 2:

@@ -1,4 +1,4 @@
-"""How the frames of the cameras came: their rate, what is missing, what came twice."""
+"""How the frames of the cameras came: their rate, and what is missing."""
 
 from __future__ import annotations
 
@@ -31,10 +31,6 @@ class CameraStream:
         Frames without a valid pose.
     lost
         Frames that the numbers show missing.
-    repeated
-        Messages with the time of an earlier frame.
-    not_counting
-        Frames whose number is not above that of the frame before.
     """
 
     frames: int
@@ -42,8 +38,6 @@ class CameraStream:
     configured_hz: float
     invalid: int
     lost: int
-    repeated: int
-    not_counting: int
 
 
 def camera_stream(messages: StructuredArray, configured_hz: float) -> CameraStream:
@@ -62,6 +56,4 @@ def camera_stream(messages: StructuredArray, configured_hz: float) -> CameraStre
         configured_hz=configured_hz,
         invalid=int(np.count_nonzero(~frames["tracking_valid"])),
         lost=lost,
-        repeated=len(messages) - len(frames),
-        not_counting=int(np.count_nonzero(numbers <= 0)),
     )

@@ -141,8 +141,24 @@ def check_frames(where: str, utime_us: NDArray[np.int64], frame_rate_hz: float) 
     if abs(measured_hz / frame_rate_hz - 1.0) > LARGEST_RATE_ERROR:
         raise DataError(
             f"{where}: frames came at {measured_hz:.1f} Hz, mocap.rate_hz says "
-            f"{frame_rate_hz:g}; use the configuration of this session"
+            f"{frame_rate_hz:g}; {_remedy(measured_hz / frame_rate_hz)}"
         )
+
+
+def _remedy(factor: float) -> str:
+    """Return what to do about frames that come so many times as fast as configured."""
+    for count, unit in ((1e3, "ms"), (1e-3, "ns")):
+        if abs(factor / count - 1.0) < LARGEST_RATE_ERROR:
+            return f"their utime seems to be in {unit}, and must be in us"
+    if factor > 1.5 and abs(factor - round(factor)) < LARGEST_RATE_ERROR:
+        return (
+            f"that is {round(factor)} times as many: see with `klab topics` whether a second "
+            "publisher speaks, or set mocap.rate_hz to what the cameras deliver"
+        )
+    return (
+        "set mocap.rate_hz to what the cameras deliver and record again, or use the configuration "
+        "of this session"
+    )
 
 
 _NO_TIMES: NDArray[np.int64] = np.zeros(0, np.int64)

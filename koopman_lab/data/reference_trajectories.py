@@ -19,6 +19,7 @@ from koopman_lab.data.marker import without_offset
 from koopman_lab.data.message_arrays import StructuredArray
 from koopman_lab.data.processing import margin, states
 from koopman_lab.data.segments import Run, cut, in_time
+from koopman_lab.data.session_account import judged_frames
 from koopman_lab.errors import DataError
 from koopman_lab.geometry.planar import ORIGIN, Pose
 from koopman_lab.robots.robot_type import RobotType
@@ -85,6 +86,9 @@ class ReferenceRuns:
     trajectories
         Gives the runs in order of time, as seen by a model with this marker offset: the pose of
         the tracked frame in the frame whose poses the model is of.
+    left_out
+        Frames of the log that cannot show the robot and are in no trajectory, by what is wrong
+        with them (:mod:`koopman_lab.data.believable_frames`).
     """
 
     path: Path
@@ -94,6 +98,7 @@ class ReferenceRuns:
     count: int
     start: NDArray[np.float64]
     trajectories: Callable[[Pose], list[Trajectory]]
+    left_out: dict[str, int]
 
     @property
     def robot(self) -> RobotType:
@@ -134,7 +139,8 @@ def reference_runs(log: SessionLog, window: int | None = None) -> ReferenceRuns:
         raise DataError(f"{where}: runs of several shapes; record one session to a log")
     config = log.config()
     window = config.processing.smoothing_window if window is None else window
-    frames, rate_hz = log.array(MOCAP_POSE), config.mocap.rate_hz
+    judged, rate_hz = judged_frames(log, config), config.mocap.rate_hz
+    frames = judged.frames
     check_frames(f"{log.path}, {MOCAP_POSE.name(log.robot_name)}", frames["utime"], rate_hz)
     first = driven[0][0]
     start = np.zeros(robot_type(config.robot.kind).state_dim)
@@ -147,7 +153,14 @@ def reference_runs(log: SessionLog, window: int | None = None) -> ReferenceRuns:
         ]
 
     return ReferenceRuns(
-        log.path, config, SHAPES[shapes.pop()], window, len(driven), start, trajectories
+        log.path,
+        config,
+        SHAPES[shapes.pop()],
+        window,
+        len(driven),
+        start,
+        trajectories,
+        judged.left_out,
     )
 
 

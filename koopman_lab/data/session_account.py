@@ -12,11 +12,14 @@ import lcmtypes
 from koopman_lab.bus.channel import Channel
 from koopman_lab.bus.channels import HEARTBEATS, MOCAP_POSE, WHEEL_STATE
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.data.believable_frames import FAULTS, Belief, believe
+from koopman_lab.data.believable_frames import FAULTS, Belief, Codes, believe
 from koopman_lab.data.called_for_motion import CalledForMotion, InputMotion, WheelMotion
 from koopman_lab.data.camera_stream import CameraStream, camera_stream
+from koopman_lab.data.channel_summary import identity_lines
+from koopman_lab.data.clock_offset import clock_offset_s
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.message_arrays import StructuredArray
+from koopman_lab.data.motion_agreement import FEWEST_WINDOWS
 from koopman_lab.data.pose_tracks import reach_of
 from koopman_lab.data.segments import Run, Segment, in_time
 from koopman_lab.robots.robot_type import RobotType
@@ -28,12 +31,22 @@ FASTER_BETWEEN_RUNS = 3.0
 
 
 class JudgedFrames(NamedTuple):
-    """Frames (N,) ascending in time, those invalid that cannot be believed; and what was seen."""
+    """Frames (N,) ascending in time, those invalid that cannot be believed; and what was seen.
+
+    ``clock_offset_s`` is how much later the cameras stamp than the wheels (s), None if they agree
+    or nobody knows.
+    """
 
     frames: StructuredArray
     stream: CameraStream
     belief: Belief
     by_wheels: bool
+    clock_offset_s: float | None
+
+    @property
+    def left_out(self) -> dict[str, int]:
+        """Return how many frames cannot be believed, by what is wrong with them."""
+        return counts_by_fault(self.belief.codes)
 
 
 @dataclass(frozen=True)
@@ -56,8 +69,12 @@ class SessionAccount:
         How the frames of the whole session came.
     expected
         Frames that the cameras should have taken.
+    received
+        Frames that are stamped inside the runs, valid or not.
+    invalid
+        Those of them without a valid pose by their own account.
     used
-        Frames in segments.
+        Frames in segments that are longer than the sampling time.
     left_out
         Frames that were valid and cannot be believed, by what is wrong with them.
     gaps
@@ -67,6 +84,10 @@ class SessionAccount:
     agreement
         How the cameras agree with wheels, or else inputs
         (:class:`~koopman_lab.data.believable_frames.Agreement`).
+    clock_offset_s
+        How much later the cameras stamp than the wheels (s), None if they agree or nobody knows.
+    identity
+        In words, on which channels several spoke at once or numbers did not count.
     pacing
         By node, as far as heartbeats are in the log.
     """
@@ -74,11 +95,15 @@ class SessionAccount:
     channel: str
     stream: CameraStream
     expected: int
+    received: int
+    invalid: int
     used: int
     left_out: dict[str, int]
     gaps: int
     by_wheels: bool
     agreement: dict[str, Any]
+    clock_offset_s: float | None
+    identity: list[str]
     pacing: dict[str, Pacing]
 
     def as_dict(self) -> dict[str, Any]:
@@ -111,7 +136,10 @@ def judged_frames(log: SessionLog, config: LabConfig, runs: Sequence[Run] = ()) 
         frames = frames.copy()
         frames["tracking_valid"] &= belief.codes == 0
     stream = camera_stream(messages, config.mocap.rate_hz)
-    return JudgedFrames(frames, stream, belief, len(wheels) > 0)
+    offset_s = None
+    if belief.agreement.systematic or belief.agreement.windows < FEWEST_WINDOWS:
+        offset_s = clock_offset_s(utime[valid], poses[valid, 2], wheels)
+    return JudgedFrames(frames, stream, belief, len(wheels) > 0, offset_s)
 
 
 def session_account(
@@ -124,24 +152,36 @@ def session_account(
     """Count what became of the frames of a session's complete runs."""
     utime = judged.frames["utime"].astype(np.int64)
     processing, rate_hz = config.processing, config.mocap.rate_hz
-    span_us, counts = 0, np.zeros(len(FAULTS) + 1, np.int64)
+    dt_us = processing.dt_s * US_PER_S
+    span_us, inside = 0, np.zeros(len(utime), bool)
+    codes, valid = judged.belief.codes, judged.frames["tracking_valid"]
     for run in runs:
         start_us = run.start_us + round(processing.discard_start_s * US_PER_S)
         end_us = run.end_us - round(processing.discard_end_s * US_PER_S)
         first, stop = np.searchsorted(utime, start_us), np.searchsorted(utime, end_us, "right")
-        counts += np.bincount(judged.belief.codes[first:stop], minlength=len(counts))
+        inside[first:stop] = True
         span_us += max(end_us - start_us, 0)
     return SessionAccount(
         channel=MOCAP_POSE.name(log.robot_name),
         stream=judged.stream,
         expected=round(span_us * rate_hz / US_PER_S),
-        used=sum(len(segment.poses) for segment in segments),
-        left_out=dict(zip(FAULTS, counts[1:].tolist(), strict=True)),
+        received=int(np.count_nonzero(inside)),
+        invalid=int(np.count_nonzero(inside & ~valid & (codes == 0))),
+        used=sum(len(s.poses) for s in segments if s.utime_us[-1] - s.utime_us[0] >= dt_us),
+        left_out=counts_by_fault(codes[inside]),
         gaps=len(segments) - len({segment.run.number for segment in segments}),
         by_wheels=judged.by_wheels,
         agreement=judged.belief.agreement.as_dict(),
+        clock_offset_s=judged.clock_offset_s,
+        identity=identity_lines(log.channels),
         pacing=pacing(log, HEARTBEATS),
     )
+
+
+def counts_by_fault(codes: Codes) -> dict[str, int]:
+    """Return how many of frames (N,) have which fault."""
+    counts = np.bincount(codes, minlength=len(FAULTS) + 1)[1:]
+    return dict(zip(FAULTS, counts.tolist(), strict=True))
 
 
 def pacing(

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from koopman_lab.data.dataset import DataSet
+from koopman_lab.evaluation.likely_causes import causes
 from koopman_lab.evaluation.motion_reasons import data_reasons
 from koopman_lab.evaluation.nominal_motion import NominalMotion, motion_of_data
 from koopman_lab.evaluation.plausibility import Reason, Verdict, verdict
@@ -26,7 +27,11 @@ FILES_EXCHANGED = "X_i.dat and Y_i.dat are exchanged: each row of Y follows that
 
 
 def data_verdict(
-    dataset: DataSet, spans: Mapping[int, Excitation] | None = None, dictionary_name: str = ""
+    dataset: DataSet,
+    spans: Mapping[int, Excitation] | None = None,
+    dictionary_name: str = "",
+    *,
+    cause_known: bool = False,
 ) -> Verdict:
     """Judge a data set.
 
@@ -39,6 +44,8 @@ def data_verdict(
         leaves that out.
     dictionary_name
         Name of the dictionary.
+    cause_known
+        Whether the verdict on its session says already why it may contradict the basis inputs.
     """
     spans = spans or {}
     motion = motion_of_data(dataset)
@@ -49,7 +56,7 @@ def data_verdict(
     }
     reasons = [*_of_counts(dataset), *excitation_reasons(spans, dictionary_name)]
     if motion is not None:
-        reasons += _of_motion(dataset, motion)
+        reasons += _of_motion(dataset, motion, cause_known=cause_known)
     return verdict(reasons, figures)
 
 
@@ -103,11 +110,15 @@ def excitation_reasons(spans: Mapping[int, Excitation], name: str) -> Iterator[R
             )
 
 
-def _of_motion(dataset: DataSet, motion: NominalMotion) -> list[Reason]:
-    reasons = data_reasons(motion, dataset.robot)
+def _of_motion(dataset: DataSet, motion: NominalMotion, *, cause_known: bool) -> list[Reason]:
+    robot = dataset.robot
+    if cause_known:
+        return data_reasons(motion, robot, [])
+    reasons = data_reasons(motion, robot, causes(motion, robot))
     if not any(reason.level == "unusable" for reason in reasons):
         return reasons
-    return data_reasons(motion, dataset.robot, [*_exchanges(dataset)])
+    exchanged = [*_exchanges(dataset)]
+    return data_reasons(motion, robot, exchanged) if exchanged else reasons
 
 
 def _exchanges(dataset: DataSet) -> Iterator[str]:
@@ -117,7 +128,7 @@ def _exchanges(dataset: DataSet) -> Iterator[str]:
     for order in orders:
         stated = {i: dataset.basis_inputs[j] for i, j in zip(indices, order, strict=True)}
         motion = motion_of_data(dataset, stated)
-        if motion is not None and not data_reasons(motion, dataset.robot):
+        if motion is not None and not data_reasons(motion, dataset.robot, []):
             names = [f"u_{i}" for i, j in zip(indices, order, strict=True) if i != j]
             yield (
                 f"the inputs {' and '.join(names)} are exchanged; exchange their files, or give "
@@ -125,7 +136,7 @@ def _exchanges(dataset: DataSet) -> Iterator[str]:
             )
     backwards = motion_of_data(_back_in_time(dataset))
     recorded = "runs" in dataset.metadata
-    if not recorded and backwards is not None and not data_reasons(backwards, dataset.robot):
+    if not recorded and backwards is not None and not data_reasons(backwards, dataset.robot, []):
         yield FILES_EXCHANGED
 
 

@@ -13,7 +13,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.source import geometry_of
 from koopman_lab.errors import ModelError
 from koopman_lab.evaluation.model_verdict import model_verdict
-from koopman_lab.evaluation.plausibility import LEVELS, Reason, Verdict, verdict
+from koopman_lab.evaluation.plausibility import Reason, Verdict, from_dict, verdict
 from koopman_lab.predictors.predictor import LearnedModel
 
 STORED = "verdict"
@@ -31,24 +31,23 @@ def require_fit_to_drive(model: LearnedModel, config: LabConfig) -> Verdict:
     Raises
     ------
     ModelError
-        If the model contradicts the nominal equations in sign, or is of another geometry.
+        If the model, or what it was trained with, contradicts the nominal equations, or if it is of
+        another geometry.
     """
     if config.controller.predict == "nominal":
         return verdict([], {})
-    of_data = [f"; its data: {reason.text}" for reason in stored_reasons(model, "unusable")]
+    of_data = [r.text for r in stored_reasons(model, "data") if r.level == "unusable"]
     judged = model_verdict(model, cause_known=bool(of_data))
-    if not judged.usable:
+    if of_data or not judged.usable:
+        own = [] if judged.usable else [judged.text]
         raise ModelError(
-            f"the model ({model.name}) must not drive a robot: {judged.text}{''.join(of_data)}"
+            f"the model ({model.name}) must not drive a robot: {'; '.join([*own, *of_data])}"
         )
-    reasons = [*judged.reasons, *_of_geometry(model, config)]
-    # What was wrong with its data and does not show in the model is no more than a warning.
-    reasons += [
-        Reason("weak", f"its data: {reason.text}")
-        for level in LEVELS[:0:-1]
-        for reason in stored_reasons(model, level)
+    # What was weak in its data need not show in the model.
+    weak = [
+        Reason("weak", f"its data: {r.text}") for r in stored_reasons(model) if r.level != "good"
     ]
-    return verdict(reasons, judged.figures)
+    return verdict([*judged.reasons, *_of_geometry(model, config), *weak], judged.figures)
 
 
 def _of_geometry(model: LearnedModel, config: LabConfig) -> Iterator[Reason]:
@@ -94,10 +93,12 @@ def with_verdict(
     return changed
 
 
-def stored_reasons(model: LearnedModel, level: str) -> Iterator[Reason]:
-    """Give the reasons of a level that the data of a model were judged by when it was trained."""
+def stored_reasons(model: LearnedModel, of: str | None = None) -> Iterator[Reason]:
+    """Give the reasons by which what a model was trained with was judged then.
+
+    ``of`` is ``data`` or ``session``; None for both.
+    """
     for source in model.metadata.get(STORED, {}).get("sources", ()):
-        for part in source.values():
-            for reason in part["reasons"]:
-                if reason["level"] == level:
-                    yield Reason(reason["level"], reason["text"])
+        for name, part in source.items():
+            if of in (None, name):
+                yield from from_dict(part).reasons

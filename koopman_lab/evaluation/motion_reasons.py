@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from koopman_lab.evaluation.likely_causes import causes, registration
+from koopman_lab.evaluation.likely_causes import registration
 from koopman_lab.evaluation.nominal_motion import InputMotion, NominalMotion
 from koopman_lab.evaluation.plausibility import LEVELS, Level, Reason
 from koopman_lab.robots.robot_type import RobotType
@@ -25,9 +25,7 @@ GOOD_UNEXPLAINED = 0.5
 """Assumption: the cameras' noise alone makes 0.12 in preset `harsh`."""
 
 
-def data_reasons(
-    motion: NominalMotion, robot: RobotType, hypotheses: Sequence[str] = ()
-) -> list[Reason]:
+def data_reasons(motion: NominalMotion, robot: RobotType, likely: Sequence[str]) -> list[Reason]:
     """Return what is wrong with the motion of measured pairs.
 
     Parameters
@@ -36,8 +34,8 @@ def data_reasons(
         All of the pairs.
     robot
         Whose pairs they are.
-    hypotheses
-        Likely causes that are known already, such as exchanged inputs.
+    likely
+        Causes to name where the data contradict the basis inputs, the likeliest first.
     """
     level = worst([*map(_input_level, motion.inputs.values()), frame_level(motion, robot)])
     reasons = []
@@ -47,7 +45,6 @@ def data_reasons(
             for name, inputs in motion.inputs.items()
             if _input_level(inputs) != "good"
         ] or [input_text(name, inputs) for name, inputs in motion.inputs.items()]
-        likely = [*hypotheses] or causes(motion, robot)
         text = f"the data contradict the basis inputs: {'; '.join(offending)}"
         reasons.append(Reason(level, text + because(likely)))
     if motion.unexplained > GOOD_UNEXPLAINED and level == "good":

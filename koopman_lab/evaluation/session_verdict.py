@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -10,9 +9,10 @@ from typing import Any
 from koopman_lab.data.collect import LARGEST_RATE_ERROR
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.evaluation.data_verdict import data_verdict
-from koopman_lab.evaluation.likely_causes import Registration, axes_causes
+from koopman_lab.evaluation.likely_causes import frame_causes, of_fit
 from koopman_lab.evaluation.motion_reasons import because
 from koopman_lab.evaluation.plausibility import Level, Reason, Verdict, verdict
+from koopman_lab.geometry.displacement_fit import DisplacementFit
 from koopman_lab.koopman.excitation import Excitation
 
 ACCOUNT = "session"
@@ -28,8 +28,6 @@ GOOD_WRONG = 5e-4
 """Of the frames of runs: rarer wrong ones are a remark only, since they are left out."""
 GOOD_MISSED, LARGEST_MISSED = 0.01, 0.1
 """Assumptions: shares of skipped ticks."""
-FEW_COUNT = 0.1
-"""Share of frames whose number does not count from which on it is no restart."""
 LARGEST_MARKER_TURN_RAD = math.radians(20.0)
 """Assumption: nobody aligns markers so badly on purpose."""
 
@@ -56,8 +54,14 @@ def recorded_verdicts(
     Parameters are those of :func:`~koopman_lab.evaluation.data_verdict.data_verdict`.
     """
     account = dataset.metadata.get(ACCOUNT)
-    session = {} if account is None else {"session": session_verdict(dataset.metadata)}
-    return session | {"data": data_verdict(dataset, spans, dictionary_name)}
+    if account is None:
+        return {"data": data_verdict(dataset, spans, dictionary_name)}
+    # The wheels tell what is wrong with the frame better than the inputs alone.
+    known = account["agreement"]["systematic"] or account["clock_offset_s"] is not None
+    return {
+        "session": session_verdict(dataset.metadata),
+        "data": data_verdict(dataset, spans, dictionary_name, cause_known=known),
+    }
 
 
 def session_verdict(metadata: Mapping[str, Any]) -> Verdict:
@@ -65,7 +69,7 @@ def session_verdict(metadata: Mapping[str, Any]) -> Verdict:
     account = metadata[ACCOUNT]
     reasons = [
         *_of_rate(account),
-        *_of_numbers(account),
+        *_of_identity(account),
         *_of_use(account),
         *_of_wrong_frames(account),
         *_of_agreement(account),
@@ -103,37 +107,29 @@ def _of_rate(account: Mapping[str, Any]) -> Iterator[Reason]:
         )
 
 
-def _of_numbers(account: Mapping[str, Any]) -> Iterator[Reason]:
-    stream, channel = account["stream"], account["channel"]
-    frames = max(stream["frames"], 1)
-    level: Level = "weak" if account["used"] else "unusable"
-    if stream["not_counting"] > FEW_COUNT * frames:
-        yield Reason(
-            level,
-            f"{channel}: sequence does not count ({stream['not_counting']} of {frames} frames have "
-            "no higher number than the one before), so that nobody knows which frames are "
-            "missing; let the camera bridge count its frames, and see `klab topics` for a second "
-            "publisher",
-        )
-    if stream["repeated"] > FEW_COUNT * frames:
-        yield Reason(
-            level,
-            f"{channel}: {stream['repeated']} messages repeat the time of an earlier frame, so "
-            "that frames seem to be missing between others; let the camera bridge send each frame "
-            "once, and see `klab topics` for a second publisher",
-        )
+def _of_identity(account: Mapping[str, Any]) -> Iterator[Reason]:
+    for fault in account["identity"]:
+        yield Reason("weak" if account["used"] else "unusable", fault)
 
 
 def _of_use(account: Mapping[str, Any]) -> Iterator[Reason]:
-    expected, used = account["expected"], account["used"]
-    if used < GOOD_USE * expected:
-        invalid = account["stream"]["invalid"]
-        yield Reason(
-            "weak" if used >= SMALLEST_USE * expected else "unusable",
-            f"only {used} of {expected} frames of the runs could be used, in stretches cut at "
-            f"{account['gaps']} gaps; {invalid} frames of the session had no valid pose, others "
-            "were missing or left out: see that the cameras see the whole floor",
+    expected, used, received = account["expected"], account["used"], account["received"]
+    if used >= GOOD_USE * expected:
+        return
+    level: Level = "weak" if used >= SMALLEST_USE * expected else "unusable"
+    left_out = sum(account["left_out"].values())
+    text = (
+        f"{used} of {expected} frames of the runs could be used ({received} came, {left_out} left "
+        f"out, {account['invalid']} without a valid pose, {account['gaps']} gaps between them)"
+    )
+    if not received:
+        text = (
+            "no frame is stamped inside a run: the clock of the camera bridge is not the desk's, "
+            "or its utime not in us since 1970"
         )
+    elif account["invalid"] > 0.5 * (expected - used):
+        text += "; see that the cameras see the robot on the whole floor"
+    yield Reason(level, text)
 
 
 def _of_wrong_frames(account: Mapping[str, Any]) -> Iterator[Reason]:
@@ -142,27 +138,33 @@ def _of_wrong_frames(account: Mapping[str, Any]) -> Iterator[Reason]:
         if count:
             yield Reason(
                 "weak" if count > GOOD_WRONG * of_runs else "good",
-                f"{count} of {of_runs} frames of the runs ({100 * count / of_runs:.2g} %) were "
+                f"{count} of {of_runs} frames of the runs ({100 * count / of_runs:.3g} %) were "
                 f"left out: they {WRONG_FRAMES[fault]}",
             )
 
 
 def _of_agreement(account: Mapping[str, Any]) -> Iterator[Reason]:
     agreement = account["agreement"]
-    if not 2 * agreement["contradicting"] > agreement["windows"]:
+    offset_s = account["clock_offset_s"]
+    if offset_s is not None:
+        yield Reason(
+            "weak",
+            f"frames are stamped {offset_s:.1f} s later than the wheels that turned with them: set "
+            "the clock of the camera bridge (or let the board find the desk's), in us since 1970",
+        )
         return
-    kept, mirrored = complex(*agreement["kept"]), complex(*agreement["mirrored"])
-    is_mirrored = abs(mirrored) > abs(kept)
-    factor = mirrored if is_mirrored else kept
-    seen = Registration(cmath.phase(factor), is_mirrored, abs(factor), agreement["turn"])
-    turn = "" if seen.turn is None else f", turned {seen.turn:.2f} of what those did"
+    if not agreement["systematic"]:
+        return
+    fit = DisplacementFit(complex(*agreement["kept"]), complex(*agreement["mirrored"]))
+    seen = of_fit(fit, agreement["turn"])
+    turn = "" if seen.turn is None else f" and turned {seen.turn:.2f}"
     whom = "wheels" if account["by_wheels"] else "basis inputs"
     yield Reason(
         "weak",
         f"the cameras contradict the {whom} throughout ({agreement['contradicting']} of "
-        f"{agreement['windows']} seconds with motion): the robot moved {abs(factor):.2f}, "
-        f"{'in mirror image, ' if is_mirrored else ''}at {math.degrees(cmath.phase(factor)):.0f} "
-        f"deg to it{turn}{because([*axes_causes(seen)])}",
+        f"{agreement['windows']} windows with motion): the robot moved {seen.ahead:.2f}, "
+        f"{'in mirror image, ' if seen.mirrored else ''}at {math.degrees(seen.angle_rad):.0f} deg"
+        f"{turn} of what those did{because(frame_causes(seen))}",
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from koopman_lab.errors import DataError
-from offboard.terminal.output import show_passed_over
+from offboard.terminal.output import err, show_passed_over
 
 if TYPE_CHECKING:
     from koopman_lab.data.decode import SessionLog
@@ -23,9 +23,13 @@ class ValidationInputs(NamedTuple):
     logs: list[SessionLog]
 
     def show_passed_over(self) -> None:
-        """Say what of the logs was passed over."""
+        """Say what of the logs was passed over, and which frames cannot show the robot."""
         for log in self.logs:
             show_passed_over(log.passed_over)
+        for runs in self.sessions:
+            wrong = ", ".join(f"{count} {fault}" for fault, count in runs.left_out.items() if count)
+            if wrong:
+                err.print(f"{runs.path}: left out frames that cannot show the robot: {wrong}")
 
 
 def models_and_runs(
