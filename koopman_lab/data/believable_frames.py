@@ -20,6 +20,7 @@ from koopman_lab.data.called_for_motion import CalledForMotion
 from koopman_lab.data.message_arrays import StructuredArray
 from koopman_lab.data.motion_agreement import NOTHING_COMPARED, Agreement, compare_motion
 from koopman_lab.data.pose_tracks import Reach, jumps, tracks
+from koopman_lab.data.segments import Run
 from koopman_lab.geometry.planar import wrap_angle
 from koopman_lab.units import US_PER_S
 
@@ -32,7 +33,8 @@ FAULTS = ("zero", "frozen", "flipped", "jumped", "contradicting")
 ZERO, FROZEN, FLIPPED, JUMPED, CONTRADICTING = range(1, len(FAULTS) + 1)
 
 FEWEST_FROZEN = 3
-"""So many equal poses before a jump were not measured, also where nobody knows of any motion."""
+"""So many equal poses before a jump were not measured, also where nobody knows how the robot moved
+in this run."""
 FROZEN_PART_US = 250_000
 """Equal poses are looked at in parts of this length: from the first in which the robot moved for
 sure they are old."""
@@ -52,7 +54,12 @@ class Belief:
     agreement: Agreement
 
 
-def believe(frames: StructuredArray, reach: Reach, sources: Sequence[CalledForMotion]) -> Belief:
+def believe(
+    frames: StructuredArray,
+    reach: Reach,
+    sources: Sequence[CalledForMotion],
+    runs: Sequence[Run] = (),
+) -> Belief:
     """Look at camera frames.
 
     Parameters
@@ -63,6 +70,8 @@ def believe(frames: StructuredArray, reach: Reach, sources: Sequence[CalledForMo
         How far the robot can get.
     sources
         What says how the robot moved, the best first; of each time the first that knows.
+    runs
+        Runs under basis inputs: in these nobody carries the robot.
     """
     codes = np.zeros(len(frames), np.int8)
     poses = np.column_stack([frames["x1_m"], frames["x2_m"], frames["theta_rad"]])
@@ -71,7 +80,7 @@ def believe(frames: StructuredArray, reach: Reach, sources: Sequence[CalledForMo
     if not len(valid):
         return Belief(codes, NOTHING_COMPARED)
     utime, poses = utime[valid], poses[valid]
-    seen = _standing(utime, poses, reach, sources)
+    seen = _standing(utime, poses, reach, sources, runs)
     kept = np.flatnonzero(seen == 0)
     track = tracks(utime[kept], poses[kept], reach)
     covered = np.flatnonzero(track.covered_from >= 0)
@@ -93,7 +102,11 @@ def believe(frames: StructuredArray, reach: Reach, sources: Sequence[CalledForMo
 
 
 def _standing(
-    utime: Times, poses: Array, reach: Reach, sources: Sequence[CalledForMotion]
+    utime: Times,
+    poses: Array,
+    reach: Reach,
+    sources: Sequence[CalledForMotion],
+    runs: Sequence[Run],
 ) -> Codes:
     """Return the codes of poses that are exactly the one before while the robot moves."""
     codes = np.zeros(len(poses), np.int8)
@@ -102,8 +115,11 @@ def _standing(
     last = np.flatnonzero(equal[:-1] & ~equal[1:])
     jump = np.append(jumps(utime, poses, reach), False)
     for begin, end in zip(first.tolist(), last.tolist(), strict=True):
-        ends_with_jump = end - begin + 1 >= FEWEST_FROZEN and jump[end]
-        old = begin if ends_with_jump else _last_true(utime, begin, end, sources)
+        caught_up = jump[end] and end - begin + 1 >= FEWEST_FROZEN
+        driven = caught_up and any(
+            r.start_us <= utime[begin] and utime[end] <= r.end_us for r in runs
+        )
+        old = begin if driven else _last_true(utime, begin, end, sources)
         if old is not None:
             codes[old + 1 : end + 1] = FROZEN
             if not poses[begin].any():
@@ -115,8 +131,8 @@ def _last_true(
     utime: Times, begin: int, end: int, sources: Sequence[CalledForMotion]
 ) -> int | None:
     """Return after which of equal poses the robot surely moved on; None if it may have stood."""
-    inner = np.arange(utime[begin] + FROZEN_PART_US, utime[end], FROZEN_PART_US)
-    parts: list[int] = [begin, *(begin + np.searchsorted(utime[begin:end], inner)).tolist(), end]
+    part = (utime[begin : end + 1] - utime[begin]) // FROZEN_PART_US
+    parts: list[int] = [begin, *(begin + np.flatnonzero(np.diff(part))).tolist(), end]
     for start, stop in pairwise(parts):
         if stop > start and _surely_moved(int(utime[start]), int(utime[stop]), sources):
             return start

@@ -5,11 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from koopman_lab.bus.publishers import LARGEST_SHARE, Numbering, StreamIdentity
 from koopman_lab.data.message_arrays import StructuredArray
 from koopman_lab.data.segments import in_time
 from koopman_lab.units import US_PER_S
 
+LARGEST_SHARE_OF_ONE = 0.75
+"""Of equal numbers in a row; two publishers that started together say every number twice."""
+FEW = 0.1
+"""Share of numbers that go back, or stay, as after restarts."""
+LARGEST_PACE = 1.5
 LONGEST_PAUSE_S = 1.0
 """A longer step from frame to frame is a session that was interrupted, or a clock that was set."""
 
@@ -31,6 +38,10 @@ class CameraStream:
         Frames without a valid pose.
     lost
         Frames that the numbers show missing.
+    publishers, numbering
+        How many spoke at once, and how they numbered their frames, as
+        :class:`~koopman_lab.bus.publishers.StreamIdentity` has it; by the stamps alone, whenever
+        the frames arrived.
     """
 
     frames: int
@@ -38,6 +49,8 @@ class CameraStream:
     configured_hz: float
     invalid: int
     lost: int
+    publishers: int = 1
+    numbering: Numbering = "counts"
 
 
 def camera_stream(messages: StructuredArray, configured_hz: float) -> CameraStream:
@@ -50,10 +63,40 @@ def camera_stream(messages: StructuredArray, configured_hz: float) -> CameraStre
     per_frame_us = US_PER_S / configured_hz
     missing = np.minimum(numbers - 1, np.rint(steps_us / per_frame_us).astype(np.int64) - 1)
     lost = int(np.maximum(missing[together], 0).sum())
+    rate_hz = (int(together.sum()) + lost) * US_PER_S / span_us if span_us else None
+    repeated = (len(messages) - len(frames)) / max(len(frames), 1)
+    identity = StreamIdentity()
+    if rate_hz is not None:
+        identity = _identity(numbers, repeated, rate_hz / configured_hz)
     return CameraStream(
-        frames=len(frames),
-        rate_hz=(int(together.sum()) + lost) * US_PER_S / span_us if span_us else None,
-        configured_hz=configured_hz,
-        invalid=int(np.count_nonzero(~frames["tracking_valid"])),
-        lost=lost,
+        len(frames),
+        rate_hz,
+        configured_hz,
+        int(np.count_nonzero(~frames["tracking_valid"])),
+        lost,
+        *identity,
     )
+
+
+def _identity(numbers: NDArray[np.int64], repeated: float, pace: float) -> StreamIdentity:
+    """Return who spoke.
+
+    Parameters
+    ----------
+    numbers
+        Steps (N - 1,) from the number of a frame to that of the next in time.
+    repeated
+        Messages with the time of an earlier one, for each frame.
+    pace
+        Rate of the frames over the configured one.
+    """
+    if repeated > LARGEST_SHARE:
+        return StreamIdentity(numbering="repeats")
+    equal, back = float(np.mean(numbers == 0)), float(np.mean(numbers < 0))
+    if equal > LARGEST_SHARE_OF_ONE:
+        return StreamIdentity(numbering="stands still")
+    if max(equal, back) <= FEW:
+        return StreamIdentity()
+    if pace > LARGEST_PACE:
+        return StreamIdentity(publishers=round(pace))
+    return StreamIdentity(numbering="starts again")

@@ -12,6 +12,8 @@ STEP_US = 50_000
 """Turns are compared in steps of this length, as long as between two messages of the wheels."""
 LONGEST_GAP_US = 4 * STEP_US
 """Over longer gaps between frames nothing is known of the turn."""
+LONGEST_SPAN_US = 86_400_000_000
+"""Whoever speaks for longer than a day had a clock that was set."""
 SMALLEST_OFFSET_S = 0.2
 """Smaller ones are lag."""
 SMALLEST_CORRELATION = 0.7
@@ -35,6 +37,8 @@ def clock_offset_s(
         The motion of the wheels.
     """
     if len(utime_us) < 2 or len(wheels) < 2:
+        return None
+    if max(utime_us[-1] - utime_us[0], wheels.last_us - wheels.first_us) > LONGEST_SPAN_US:
         return None
     seen, rolled = _camera_turns(utime_us, theta), _wheel_turns(wheels)
     energy = float(seen @ seen) * float(rolled @ rolled)

@@ -1,9 +1,9 @@
 """Which poses of a stream can be of one body, given how fast it can move.
 
 Between two frames a body moves by no more than its speed allows. Where it seems to, there is a
-jump, and the frames between two jumps are a piece. Pieces that a body can have gone through one
-after another make a track; a piece of which a longer track knows better (that track was there
-before and after it) shows something else.
+jump, and the frames between two jumps, or long pauses, are a piece. Pieces that a body can have
+gone through one after another make a track; a piece of which a longer track knows better (that
+track was there before and after it) shows something else.
 """
 
 from __future__ import annotations
@@ -83,7 +83,8 @@ def tracks(utime_us: Times, poses: Array, reach: Reach) -> Tracks:
         What the body can do.
     """
     covered = np.full(len(poses), -1, np.intp)
-    breaks = 1 + np.flatnonzero(jumps(utime_us, poses, reach))
+    absent = np.diff(utime_us) > LONGEST_ABSENCE_S * US_PER_S
+    breaks = 1 + np.flatnonzero(jumps(utime_us, poses, reach) | absent)
     if not len(breaks):
         return Tracks(np.zeros(len(poses), np.intp), covered)
     first = np.concatenate([[0], breaks])

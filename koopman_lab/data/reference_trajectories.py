@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -98,7 +98,7 @@ class ReferenceRuns:
     count: int
     start: NDArray[np.float64]
     trajectories: Callable[[Pose], list[Trajectory]]
-    left_out: dict[str, int]
+    left_out: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def robot(self) -> RobotType:

@@ -10,12 +10,11 @@ import numpy as np
 
 import lcmtypes
 from koopman_lab.bus.channel import Channel
-from koopman_lab.bus.channels import HEARTBEATS, MOCAP_POSE, WHEEL_STATE
+from koopman_lab.bus.channels import HEARTBEATS, LOGGER_STATUS, MOCAP_POSE, WHEEL_STATE
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.believable_frames import FAULTS, Belief, Codes, believe
 from koopman_lab.data.called_for_motion import CalledForMotion, InputMotion, WheelMotion
 from koopman_lab.data.camera_stream import CameraStream, camera_stream
-from koopman_lab.data.channel_summary import identity_lines
 from koopman_lab.data.clock_offset import clock_offset_s
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.message_arrays import StructuredArray
@@ -86,10 +85,8 @@ class SessionAccount:
         (:class:`~koopman_lab.data.believable_frames.Agreement`).
     clock_offset_s
         How much later the cameras stamp than the wheels (s), None if they agree or nobody knows.
-    identity
-        In words, on which channels several spoke at once or numbers did not count.
     pacing
-        By node, as far as heartbeats are in the log.
+        By node, as far as heartbeats are in the log; without the logger.
     """
 
     channel: str
@@ -103,7 +100,6 @@ class SessionAccount:
     by_wheels: bool
     agreement: dict[str, Any]
     clock_offset_s: float | None
-    identity: list[str]
     pacing: dict[str, Pacing]
 
     def as_dict(self) -> dict[str, Any]:
@@ -131,7 +127,7 @@ def judged_frames(log: SessionLog, config: LabConfig, runs: Sequence[Run] = ()) 
     wheels = WheelMotion(log.array(WHEEL_STATE, needed=False))
     inputs = InputMotion(runs, robot, config.processing.discard_start_s)
     sources: list[CalledForMotion] = [wheels, inputs]
-    belief = believe(frames, reach, sources)
+    belief = believe(frames, reach, sources, runs)
     if belief.codes.any():
         frames = frames.copy()
         frames["tracking_valid"] &= belief.codes == 0
@@ -173,7 +169,6 @@ def session_account(
         by_wheels=judged.by_wheels,
         agreement=judged.belief.agreement.as_dict(),
         clock_offset_s=judged.clock_offset_s,
-        identity=identity_lines(log.channels),
         pacing=pacing(log, HEARTBEATS),
     )
 
@@ -187,9 +182,14 @@ def counts_by_fault(codes: Codes) -> dict[str, int]:
 def pacing(
     log: SessionLog, heartbeats: Mapping[str, Channel[lcmtypes.node_status_t]]
 ) -> dict[str, Pacing]:
-    """Return how each node kept time from its first heartbeat in the log to its last."""
+    """Return how each node kept time from its first heartbeat in the log to its last.
+
+    The logger is left out: what it misses is missing from the log, and seen there.
+    """
     paces = {}
     for node, channel in heartbeats.items():
+        if node == LOGGER_STATUS.publisher:
+            continue
         messages = log.array(channel, needed=False)
         if len(messages) > 1:
             # A process that was started again begins from 0.

@@ -97,7 +97,7 @@ def excitation_reasons(spans: Mapping[int, Excitation], name: str) -> Iterator[R
     for index, span in spans.items():
         if span.samples and span.rank < span.observables:
             yield Reason(
-                "unusable",
+                "weak",  # with further sessions they may suffice, or for another dictionary
                 f"u_{index}: {span.samples} samples of {span.segments} segments span only "
                 f"{span.rank} of the {span.observables} observables of {name}; record more "
                 "segments from other states, or choose a smaller dictionary",

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from koopman_lab.bus.channels import MOCAP_POSE
+from koopman_lab.bus.publishers import NamedIdentity, StreamIdentity, identity_faults
 from koopman_lab.data.collect import LARGEST_RATE_ERROR
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.evaluation.data_verdict import data_verdict
@@ -108,7 +110,12 @@ def _of_rate(account: Mapping[str, Any]) -> Iterator[Reason]:
 
 
 def _of_identity(account: Mapping[str, Any]) -> Iterator[Reason]:
-    for fault in account["identity"]:
+    stream = account["stream"]
+    identity = StreamIdentity(stream["publishers"], stream["numbering"])
+    speaker = NamedIdentity(
+        account["channel"], MOCAP_POSE, identity, stream["rate_hz"], stream["configured_hz"]
+    )
+    for fault in identity_faults([speaker]):
         yield Reason("weak" if account["used"] else "unusable", fault)
 
 
