@@ -14,12 +14,12 @@ from koopman_lab.bus.channels import HEARTBEATS, LOGGER_STATUS, MOCAP_POSE, WHEE
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.believable_frames import FAULTS, Belief, Codes, believe
 from koopman_lab.data.called_for_motion import CalledForMotion, InputMotion, WheelMotion
-from koopman_lab.data.camera_stream import CameraStream, camera_stream
 from koopman_lab.data.clock_offset import clock_offset_s
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.message_arrays import StructuredArray
 from koopman_lab.data.motion_agreement import FEWEST_WINDOWS
 from koopman_lab.data.pose_tracks import reach_of
+from koopman_lab.data.received_frames import ReceivedFrames, received_frames
 from koopman_lab.data.segments import Run, Segment, in_time
 from koopman_lab.robots.robot_type import RobotType
 from koopman_lab.robots.table import robot_type
@@ -37,7 +37,7 @@ class JudgedFrames(NamedTuple):
     """
 
     frames: StructuredArray
-    stream: CameraStream
+    stream: ReceivedFrames
     belief: Belief
     by_wheels: bool
     clock_offset_s: float | None
@@ -90,7 +90,7 @@ class SessionAccount:
     """
 
     channel: str
-    stream: CameraStream
+    stream: ReceivedFrames
     expected: int
     received: int
     invalid: int
@@ -131,7 +131,7 @@ def judged_frames(log: SessionLog, config: LabConfig, runs: Sequence[Run] = ()) 
     if belief.codes.any():
         frames = frames.copy()
         frames["tracking_valid"] &= belief.codes == 0
-    stream = camera_stream(messages, config.mocap.rate_hz)
+    stream = received_frames(messages, config.mocap.rate_hz)
     offset_s = None
     if belief.agreement.systematic or belief.agreement.windows < FEWEST_WINDOWS:
         offset_s = clock_offset_s(utime[valid], poses[valid, 2], wheels)

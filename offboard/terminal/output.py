@@ -68,10 +68,10 @@ def show_passed_over(passed_over: PassedOver | None) -> None:
 def show_verdicts(verdicts: Mapping[str, Verdict], console: Console = err) -> None:
     """Say what is made of a session, its data or a model, and why; remarks as well."""
     for name, verdict in verdicts.items():
-        console.print(f"{name}: {verdict.level}", markup=False)
+        console.print(f"{name}: {verdict.level}")
         for reason in verdict.reasons:
             prefix = "" if reason.level == "good" else f"{reason.level}: "
-            console.print(f"  {prefix}{reason.text}", markup=False)
+            console.print(f"  {prefix}{reason.text}")
 
 
 class Report(Protocol):

@@ -22,7 +22,7 @@ LONGEST_PAUSE_S = 1.0
 
 
 @dataclass(frozen=True)
-class CameraStream:
+class ReceivedFrames:
     """Counts of frames, and their rates.
 
     Attributes
@@ -53,7 +53,7 @@ class CameraStream:
     numbering: Numbering = "counts"
 
 
-def camera_stream(messages: StructuredArray, configured_hz: float) -> CameraStream:
+def received_frames(messages: StructuredArray, configured_hz: float) -> ReceivedFrames:
     """Return how messages of MOCAP_POSE (N,) came."""
     frames = in_time(messages)
     steps_us, numbers = np.diff(frames["utime"]), np.diff(frames["sequence"])
@@ -68,7 +68,7 @@ def camera_stream(messages: StructuredArray, configured_hz: float) -> CameraStre
     identity = StreamIdentity()
     if rate_hz is not None:
         identity = _identity(numbers, repeated, rate_hz / configured_hz)
-    return CameraStream(
+    return ReceivedFrames(
         len(frames),
         rate_hz,
         configured_hz,
