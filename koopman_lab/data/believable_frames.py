@@ -117,7 +117,7 @@ def _standing(
     for begin, end in zip(first.tolist(), last.tolist(), strict=True):
         caught_up = jump[end] and end - begin + 1 >= FEWEST_FROZEN
         driven = caught_up and any(
-            r.start_us <= utime[begin] and utime[end] <= r.end_us for r in runs
+            r.start_us <= utime[end] and utime[begin] <= r.end_us for r in runs
         )
         old = begin if driven else _last_true(utime, begin, end, sources)
         if old is not None:

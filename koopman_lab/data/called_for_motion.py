@@ -149,10 +149,16 @@ class InputMotion:
         return motion
 
     def least(self, begin_us: int, end_us: int) -> tuple[float, float]:
-        """Return the way (m) and the turn (rad) that the input makes of a rest."""
-        moved = self._from_rest(begin_us, end_us)
-        if moved is None:
+        """Return the way (m) and the turn (rad) that the input makes of a rest.
+
+        Of a time that lies inside a run in part, that part counts.
+        """
+        run = int(np.searchsorted(self._starts, end_us)) - 1
+        if run < 0 or begin_us >= self._ends[run]:
             return np.nan, np.nan
+        inside = max(begin_us, int(self._starts[run])), min(end_us, int(self._ends[run]))
+        moved = self._from_rest(*inside)
+        assert moved is not None  # by what is inside
         return float(np.hypot(moved[0], moved[1])), abs(float(moved[2]))
 
     def _from_rest(self, begin_us: int, end_us: int) -> Array | None:

@@ -39,9 +39,9 @@ def require_fit_to_drive(model: LearnedModel, config: LabConfig) -> Verdict:
     of_data = [r.text for r in stored_reasons(model, "data") if r.level == "unusable"]
     judged = model_verdict(model, cause_known=bool(of_data))
     if of_data or not judged.usable:
-        own = [] if judged.usable else [judged.text]
+        of_model = [] if judged.usable else [judged.text]
         raise ModelError(
-            f"the model ({model.name}) must not drive a robot: {'; '.join([*own, *of_data])}"
+            f"the model ({model.name}) must not drive a robot: {'; '.join([*of_model, *of_data])}"
         )
     # What was weak in its data need not show in the model.
     weak = [

@@ -20,7 +20,9 @@ def ideal_dataset(kind, segments=8, steps=40, dt_s=0.05, seed=0, noise=0.0):
         for _ in range(steps):
             path.append(model.step(path[-1], np.broadcast_to(u, (segments, len(u))), dt_s))
         path = np.stack(path, axis=1) + noise * rng.normal(size=(segments, steps + 1, x.shape[1]))
-        before, after = path[:, :-1].reshape(-1, x.shape[1]), path[:, 1:].reshape(-1, x.shape[1])
+        # Copies: of a single segment both would be views of the same states.
+        before = path[:, :-1].reshape(-1, x.shape[1]).copy()
+        after = path[:, 1:].reshape(-1, x.shape[1]).copy()
         turns = 2 * np.pi * np.floor((before[:, 2] + np.pi) / (2 * np.pi))
         before[:, 2] -= turns
         after[:, 2] -= turns
