@@ -130,7 +130,7 @@ def check_frames(where: str, utime_us: NDArray[np.int64], frame_rate_hz: float) 
     DataError
         If there are fewer than two frames, or their median distance is not that of the rate.
     """
-    steps_us = np.diff(np.sort(utime_us))
+    steps_us: NDArray[np.int64] = np.diff(np.sort(utime_us)).astype(np.int64)
     steps_us = steps_us[steps_us > 0]
     if not len(steps_us):
         raise DataError(
@@ -141,12 +141,13 @@ def check_frames(where: str, utime_us: NDArray[np.int64], frame_rate_hz: float) 
     if abs(measured_hz / frame_rate_hz - 1.0) > LARGEST_RATE_ERROR:
         raise DataError(
             f"{where}: frames came at {measured_hz:.1f} Hz, mocap.rate_hz says "
-            f"{frame_rate_hz:g}; {_remedy(measured_hz / frame_rate_hz)}"
+            f"{frame_rate_hz:g}; {_remedy(steps_us, frame_rate_hz)}"
         )
 
 
-def _remedy(factor: float) -> str:
-    """Return what to do about frames that come so many times as fast as configured."""
+def _remedy(steps_us: NDArray[np.int64], frame_rate_hz: float) -> str:
+    """Return what to do about frames that come at another rate, by the steps (k,) between them."""
+    factor = US_PER_S / float(np.mean(steps_us)) / frame_rate_hz
     for count, unit in ((1e3, "ms"), (1e-3, "ns")):
         if abs(factor / count - 1.0) < LARGEST_RATE_ERROR:
             return f"their utime seems to be in {unit}, and must be in us"

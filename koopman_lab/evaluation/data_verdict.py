@@ -6,11 +6,23 @@ Pairs alone are asked, so that a data set of anybody is judged like our own.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from koopman_lab.data.dataset import DataSet
-from koopman_lab.evaluation.likely_causes import causes
+from koopman_lab.evaluation.likely_causes import (
+    BACKWARDS,
+    EXCHANGED_AXES,
+    MIRRORED_AXIS,
+    MIRRORED_FRAME,
+    MIRRORED_HEADING,
+    causes,
+)
 from koopman_lab.evaluation.motion_reasons import data_reasons
 from koopman_lab.evaluation.nominal_motion import NominalMotion, motion_of_data
 from koopman_lab.evaluation.plausibility import Reason, Verdict, verdict
@@ -18,7 +30,9 @@ from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.koopman.excitation import Excitation, excitation
 from koopman_lab.koopman.lifted_samples import add_samples, lifted_samples
 from koopman_lab.koopman.moments import Moments
+from koopman_lab.robots.robot_type import POSE_DIM
 
+Array = NDArray[np.float64]
 GOOD_CONDITION = 300.0
 """Assumption: sets that excite the paper's dictionaries well have 16 to 120."""
 MOST_EXCHANGES = 24
@@ -117,8 +131,8 @@ def _of_motion(dataset: DataSet, motion: NominalMotion, *, cause_known: bool) ->
     reasons = data_reasons(motion, robot, causes(motion, robot))
     if not any(reason.level == "unusable" for reason in reasons):
         return reasons
-    exchanged = [*_exchanges(dataset)]
-    return data_reasons(motion, robot, exchanged) if exchanged else reasons
+    remedied = [*_exchanges(dataset), *_frames(dataset)]
+    return data_reasons(motion, robot, remedied) if remedied else reasons
 
 
 def _exchanges(dataset: DataSet) -> Iterator[str]:
@@ -140,15 +154,50 @@ def _exchanges(dataset: DataSet) -> Iterator[str]:
         yield FILES_EXCHANGED
 
 
+def _frames(dataset: DataSet) -> Iterator[str]:
+    """Name the wrong frames by whose correction the data would be as they should.
+
+    Where velocities of the same frame stand behind the pose, they would have to be corrected, too,
+    and nobody knows their part across the heading: :mod:`.likely_causes` tells from less.
+    """
+    if dataset.robot.state_dim > POSE_DIM:
+        return
+    for cause, correct in CORRECTIONS.items():
+        X, Y = ({i: correct(x) for i, x in table.items()} for table in (dataset.X, dataset.Y))
+        motion = motion_of_data(replace(dataset, X=X, Y=Y))
+        if motion is not None and not data_reasons(motion, dataset.robot, []):
+            yield cause
+
+
+def _poses(
+    position: Callable[[Array], Array], sign: float = 1.0, turn_rad: float = 0.0
+) -> Callable[[Array], Array]:
+    """Return what changes the positions (k, 2) and the headings of poses (k, 3)."""
+    return lambda x: np.column_stack([position(x[:, :2]), sign * x[:, 2] + turn_rad])
+
+
+def _mirrored(position: Array) -> Array:
+    return position * (1.0, -1.0)
+
+
+def _exchanged(position: Array) -> Array:
+    return position[:, ::-1]
+
+
+def _unchanged(position: Array) -> Array:
+    return position
+
+
+CORRECTIONS = {
+    BACKWARDS: _poses(_unchanged, turn_rad=math.pi),
+    MIRRORED_FRAME: _poses(_mirrored, -1.0),
+    MIRRORED_AXIS: _poses(_mirrored),
+    MIRRORED_HEADING: _poses(_unchanged, -1.0),
+    EXCHANGED_AXES: _poses(_exchanged),
+}
+"""What undoes a wrong frame, by its name."""
+
+
 def _back_in_time(dataset: DataSet) -> DataSet:
     """Return the data set with states and successors exchanged."""
-    return DataSet(
-        X=dataset.Y,
-        Y=dataset.X,
-        segments=dataset.segments,
-        start_us=dataset.start_us,
-        basis_inputs=dataset.basis_inputs,
-        dt_s=dataset.dt_s,
-        robot_kind=dataset.robot_kind,
-        metadata=dataset.metadata,
-    )
+    return replace(dataset, X=dataset.Y, Y=dataset.X)

@@ -141,7 +141,7 @@ def calibrate(
     session = session or Calibration()
     run = run_session(session, config, folder, listener)
     log = SessionLog(folder.log, salvage=session.before is not None)
-    samples, judged = _judged(log)
+    samples, judged = _judged(log, run.outcome.segments)
     summary = CalibrationSummary(
         **run.outcome.model_dump() | {"complete": run.outcome.complete and judged.usable},
         lockstep=listener is None,
@@ -161,11 +161,13 @@ def calibrate(
     return summary
 
 
-def _judged(log: SessionLog) -> tuple[dict[str, int], Verdict]:
+def _judged(log: SessionLog, segments: int) -> tuple[dict[str, int], Verdict]:
     """Return the number of pairs by basis input, and the verdict on the session and its data.
 
     Of a session that gave no data there are none; what hindered it is the reason.
     """
+    if not segments:
+        return {}, verdict([Reason("unusable", "no segment was completed")], {})
     try:
         dataset = DataSet.from_log(log)
         name = log.config().model.dictionary
