@@ -1,4 +1,4 @@
-"""A kind of robot that the product does not know, described here and nowhere else.
+"""A kind of robot that the product does not know, described by the tests and nowhere else.
 
 It stands on three wheels that roll in any direction, so that its inputs are all three velocities of
 its body: 3 states and 3 inputs. It goes the whole way from the description to the compiled
@@ -8,8 +8,8 @@ controller without a change of the product.
 import numpy as np
 import pytest
 from ideal_data import ideal_dataset
-from misregistration import exchanged_inputs, misregistered, noisy
 from nominal_runs import DT_S, run
+from omnidirectional import BASIS, EXPRESSIONS, KIND, OMNIDIRECTIONAL
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from synthetic_session import Session
@@ -17,12 +17,9 @@ from synthetic_session import Session
 from koopman_lab.config.load import load_config
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import ConfigError, DataError, ModelError
-from koopman_lab.evaluation.data_verdict import data_verdict
 from koopman_lab.evaluation.describe import describe
 from koopman_lab.evaluation.heldout import errors, held_out_runs, split
 from koopman_lab.evaluation.metrics import by_model, by_nominal, per_step, rolling_deviations
-from koopman_lab.evaluation.model_verdict import model_verdict
-from koopman_lab.evaluation.session_verdict import recorded_verdicts
 from koopman_lab.evaluation.trajectory_starts import starts_along
 from koopman_lab.koopman import dictionary as dictionaries
 from koopman_lab.koopman.bilinear_model import BilinearModel
@@ -34,71 +31,9 @@ from koopman_lab.mpc.solver import make_solver
 from koopman_lab.predictors.bilinear_edmd import KoopmanPrediction
 from koopman_lab.predictors.lifted import LiftedPrediction
 from koopman_lab.predictors.nominal import NominalPrediction
-from koopman_lab.robots.robot_type import Quantity, RobotType
 from koopman_lab.robots.table import ROBOTS, robot_type
 from koopman_lab.studies.closed_loop import as_rows, closed_loop, columns
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
-
-
-def components(x, u, dt_s, m):
-    """Integrate the body's velocities, constant over the interval, in the inertial frame."""
-    (x1, x2, theta), (ahead, aside, omega) = x, u
-    for node, weight in zip(NODES, WEIGHTS, strict=True):
-        angle = theta + omega * dt_s * float(0.5 * (1.0 + node))
-        share = dt_s * float(0.5 * weight)
-        x1 = x1 + share * (ahead * m.cos(angle) - aside * m.sin(angle))
-        x2 = x2 + share * (ahead * m.sin(angle) + aside * m.cos(angle))
-    return [x1, x2, theta + omega * dt_s]
-
-
-DEFAULTS = """
-placement: {position_m: 0.0, angle_rad: 0.0}
-sampler:
-  segments_per_basis: 3
-  basis_inputs: [[0.2, 0.0, 0.0], [0.0, 0.2, 0.3], [0.1, -0.1, -0.6]]
-  admissible_set:
-    {x1_m: [-1, 1], x2_m: [-1, 1], theta_rad: [-4, 4], v_m_per_s: [-1, 1], omega_rad_per_s: [-1, 1]}
-processing: {discard_start_s: 0.1}
-model: {dictionary: "1, x1, x2, cos(theta), sin(theta)"}
-controller:
-  horizon: 10
-  u_max: [0.4, 0.4, 1.5]
-  weights:
-    me: {q: [1.0, 1.0, 0.1], r: [0.5, 0.5, 0.05]}
-    ce: {q: [1.0, 1.0, 0.1], r: [0.5, 0.5, 0.05]}
-    ds: {q: [1.0], r: [0.5, 0.5, 0.05]}
-"""
-
-
-class File:
-    """What is beside the description of a robot of another package."""
-
-    name = "omnidirectional.yaml"
-
-    @staticmethod
-    def read_text(encoding=None):
-        """Return the defaults."""
-        assert encoding in (None, "utf-8")
-        return DEFAULTS
-
-
-OMNIDIRECTIONAL = RobotType(
-    name="omnidirectional",
-    title="omnidirectional robot",
-    states=(Quantity("x1", "m"), Quantity("x2", "m"), Quantity("theta", "rad")),
-    inputs=(Quantity("ahead", "m/s"), Quantity("aside", "m/s"), Quantity("omega", "rad/s")),
-    components=components,
-    drifts=False,
-    sideways=(),
-    speeds_at=(),
-    braking=lambda _x, u_max, _dt_s, steps: np.zeros((steps, len(u_max))),
-    effort=np.ones,
-    defaults=File(),
-)
-KIND = OMNIDIRECTIONAL.name
-EXPRESSIONS = ("1", "x1", "x2", "cos(theta)", "sin(theta)")
-BASIS = {1: (0.2, 0.0, 0.0), 2: (0.0, 0.2, 0.3), 3: (0.1, -0.1, -0.6)}
 U_MAX, HORIZON = (0.4, 0.4, 1.5), 10
 X0 = np.array([0.6, -0.4, 2.0])
 
@@ -247,56 +182,6 @@ def test_the_data_are_described(dataset):
     assert facts["basis_inputs"]["2"]["input"] == [0.0, 0.2, 0.3]
     assert facts["basis_inputs"]["3"]["excitation"]["rank"] == 5
     assert set(facts["basis_inputs"]["1"]["ranges"]) == {"x1", "x2", "theta"}
-
-
-def test_data_and_model_are_judged_by_its_own_equations(dataset, model):
-    """It drives sideways as it should, and no wheel is asked."""
-    assert data_verdict(noisy(dataset)).level == "good"
-    judged = model_verdict(model)
-    assert judged.level == "good"
-    assert judged.figures["sideways_share_in_turn"] is None
-    for name in ("ahead", "aside"):
-        assert judged.figures["motion"]["inputs"][name]["moved"] == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize(
-    ("registration", "cause"),
-    [
-        ({"heading_rad": np.pi}, "axis points backwards"),
-        ({"heading_rad": np.pi / 2}, "turned by 90 deg"),
-        ({"mirrored": True}, "one axis counts the other way round"),
-        ({"mirrored": True, "clockwise": True}, "the frame is mirrored"),
-        ({"scale": 1000.0}, "positions are in mm"),
-    ],
-    ids=["backwards", "quarter", "axis", "frame", "mm"],
-)
-def test_a_wrong_frame_is_named(dataset, registration, cause):
-    seen = misregistered(dataset, **registration)
-    judged = data_verdict(seen)
-    assert judged.level == "unusable"
-    assert cause in judged.text
-    assert model_verdict(train(seen, ", ".join(EXPRESSIONS))[0]).level == "unusable"
-
-
-@pytest.mark.parametrize("order", [{1: 2, 2: 1, 3: 3}, {1: 3, 2: 1, 3: 2}])
-def test_exchanged_inputs_are_named(dataset, order):
-    judged = data_verdict(exchanged_inputs(dataset, order))
-    assert judged.level == "unusable"
-    moved = " and ".join(f"u_{i}" for i, j in order.items() if i != j)
-    assert f"the inputs {moved} are exchanged" in judged.text
-
-
-def test_a_recorded_session_is_judged_by_its_inputs_alone(tmp_path):
-    """No motor loop of ours limits it, and its log holds no wheels."""
-    session = Session(KIND, segments=6)
-    verdicts = recorded_verdicts(DataSet.from_log(session.write(tmp_path / "session.lcm")))
-    assert {name: v.level for name, v in verdicts.items()} == {"session": "good", "data": "good"}
-    inside = [f for f in session.frames if f.x1_m < 50.0]
-    for frame in inside[600:606]:
-        frame.theta_rad = float(np.remainder(frame.theta_rad + 2 * np.pi, 2 * np.pi) - np.pi)
-    dataset = DataSet.from_log(session.write(tmp_path / "flipped.lcm"))
-    assert dataset.metadata["session"]["left_out"]["flipped"] == 6
-    assert recorded_verdicts(dataset)["data"].level == "good"
 
 
 def test_errors_along_runs_and_on_held_out_runs_vanish(dataset, model):
