@@ -82,16 +82,18 @@ def believe(
     utime, poses = utime[valid], poses[valid]
     seen = _standing(utime, poses, reach, sources, runs)
     kept = np.flatnonzero(seen == 0)
-    numbers = np.zeros(len(kept), np.intp)
-    if np.count_nonzero(jumps(utime[kept], poses[kept], reach)) <= MOST_JUMPS * len(kept):
-        track = tracks(utime[kept], poses[kept], reach)
-        covered = np.flatnonzero(track.covered_from >= 0)
-        last_known = kept[track.covered_from[covered]]
-        seen[kept[covered]] = _jumped(utime, poses, kept[covered], last_known, reach)
-        remaining = np.flatnonzero(track.covered_from < 0)
-        kept, numbers = kept[remaining], track.number[remaining]
+    track = tracks(utime[kept], poses[kept], reach)
+    covered = np.flatnonzero(track.covered_from >= 0)
+    last_known = kept[track.covered_from[covered]]
+    seen[kept[covered]] = _jumped(utime, poses, kept[covered], last_known, reach)
+    remaining = np.flatnonzero(track.covered_from < 0)
+    kept, numbers = kept[remaining], track.number[remaining]
+    broken = kept[1:][jumps(utime[kept], poses[kept], reach)]
+    if len(broken) > MOST_JUMPS * len(kept):
+        numbers = np.zeros_like(numbers)
+    else:
         # Whatever came before it: no pair of states may lie on both sides of a jump.
-        seen[kept[1:][jumps(utime[kept], poses[kept], reach)]] = JUMPED
+        seen[broken] = JUMPED
     contradicts, agreement = compare_motion(utime[kept], poses[kept], numbers, sources)
     if not agreement.systematic:
         seen[kept[contradicts]] = CONTRADICTING

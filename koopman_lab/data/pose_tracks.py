@@ -111,20 +111,26 @@ def _linked(
 ) -> NDArray[np.intp]:
     """Return the track of each piece: the longest of those that it can go on."""
     owner = np.zeros(len(first), np.intp)
-    open_tracks: dict[int, tuple[int, int]] = {}  # its last frame, and its length
+    # Of the tracks that go on, the newest last: number, length, last frame.
+    number, length, frame = (np.zeros(0, np.intp) for _ in range(3))
     for piece, (begin, end) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
-        candidates = [
-            (length, track)
-            for track, (frame, length) in open_tracks.items()
-            if utime_us[begin] - utime_us[frame] <= LONGEST_ABSENCE_S * US_PER_S
-            and not jumps(utime_us[[frame, begin]], poses[[frame, begin]], reach)[0]
-        ]
-        length, track = max(candidates, default=(0, piece))
+        absent_us, change = utime_us[begin] - utime_us[frame], poses[begin] - poses[frame]
+        possible = reach.allows(
+            absent_us / US_PER_S,
+            np.hypot(change[:, 0], change[:, 1]),
+            np.abs(wrap_angle(change[:, 2])),
+        )
+        possible &= absent_us <= LONGEST_ABSENCE_S * US_PER_S
+        others, track, size = np.ones(len(number), bool), piece, end - begin + 1
+        if possible.any():
+            longest = int(np.argmax(np.where(possible, length, 0)))
+            others[longest] = False
+            track, size = int(number[longest]), size + int(length[longest])
         owner[piece] = track
-        open_tracks.pop(track, None)
-        open_tracks[track] = end, length + end - begin + 1
-        if len(open_tracks) > MOST_TRACKS:
-            del open_tracks[next(iter(open_tracks))]
+        others[: max(len(others) - MOST_TRACKS, 0)] = False
+        number = np.append(number[others], track)
+        length = np.append(length[others], size)
+        frame = np.append(frame[others], end)
     return owner
 
 
