@@ -91,6 +91,30 @@ def test_refused_commands_are_counted_by_reason_and_change_nothing(kinematic, ch
     assert kinematic.loop._commanded.aim == aim
 
 
+@pytest.mark.parametrize("copies", [2, 3])
+@pytest.mark.parametrize("kind", CONFIGS)
+def test_a_command_that_comes_more_than_once_counts_once(kind, copies):
+    """As over a radio that repeats: an acceleration would be integrated several times."""
+    once, often = Bench(CONFIGS[kind]), Bench(CONFIGS[kind])
+    for k in range(60):
+        number, since = divmod(k, 5)
+        u = (0.3 - 0.02 * number, 0.4)
+        if since == 0:
+            assert once.command(u, sequence=number) is None
+            assert often.command(u, sequence=number) is None
+            for _ in range(copies - 1):
+                assert often.command(u, sequence=number) == "order"
+        if since == 2:
+            # So do one that comes late, and one that was overtaken on its way.
+            for late in {number, max(0, number - 1)}:
+                assert often.command(u, sequence=late) == "order"
+        once.tick()
+        often.tick()
+        assert often.loop.setpoint == once.loop.setpoint
+    assert once.loop.setpoint.v > 0.0
+    assert often.loop.arbiter.counts.accepted == once.loop.arbiter.counts.accepted == 12
+
+
 def test_a_standing_robot_gets_no_duty(kinematic):
     kinematic.drive((0.2, 0.5), 0.5)
     kinematic.drive((0.0, 0.0), 1.0)
