@@ -88,6 +88,10 @@ def _five_states(values: Values) -> Values:
     return _with_inputs(values | {"state_in_goal_frame": [*states, *room]}, *values["u"])
 
 
+def _unchanged(values: Values) -> Values:
+    return values
+
+
 _STAMP = (Field("utime", "int64_t"), Field("sequence", "int64_t"))
 _U1_U2 = (Field("u1", "double"), Field("u2", "double"))
 
@@ -168,6 +172,36 @@ OLDER_LAYOUTS = (
         ),
         _five_states,
         "robots with any number of states and inputs",
+    ),
+    OlderLayout(
+        lcmtypes.estop_t,
+        bytes.fromhex("357b3519759c0d13"),
+        (*_STAMP, Field("engaged", "boolean")),
+        _unchanged,
+        "releases that name the stop they are meant for",
+    ),
+    OlderLayout(
+        lcmtypes.onboard_status_t,
+        bytes.fromhex("633b94c1b681ee04"),
+        (
+            *_STAMP,
+            Field("state", "int8_t"),
+            Field("fault", "int8_t"),
+            Field("commander", "int32_t"),
+            Field("v_setpoint_m_per_s", "double"),
+            Field("omega_setpoint_rad_per_s", "double"),
+            Field("refused_commander_last", "int32_t"),
+            Field("accepted", "int64_t"),
+            Field("refused_value", "int64_t"),
+            Field("refused_stale", "int64_t"),
+            Field("refused_order", "int64_t"),
+            Field("refused_commander", "int64_t"),
+            Field("refused_type", "int64_t"),
+            Field("refused_stopped", "int64_t"),
+            Field("battery_v", "double"),
+        ),
+        _unchanged,
+        "releases that name the stop they are meant for",
     ),
 )
 

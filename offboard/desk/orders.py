@@ -65,6 +65,9 @@ def stop_order(
 ) -> Order[lcmtypes.estop_t]:
     """Return the order to stop the motors, or to release them and acknowledge a fault.
 
+    A release names the stop that the robot said last, so that it counts whatever the clock here
+    says; see ``estop_t``.
+
     Parameters
     ----------
     status
@@ -76,6 +79,9 @@ def stop_order(
     def message(utime: int) -> lcmtypes.estop_t:
         stop = lcmtypes.estop_t()
         stop.utime, stop.engaged = utime, not release
+        newest = status()
+        if release and newest is not None:
+            stop.stop_number = newest.stop_number
         return stop
 
     def obeyed() -> bool:

@@ -13,6 +13,7 @@ from onboard.motor_loop.health import LEFT, NO_FAULT, OLDEST_US, RIGHT, Fault, H
 from onboard.motor_loop.odometry import Odometry, Speeds
 from onboard.motor_loop.pid import WheelController
 from onboard.motor_loop.setpoint import Setpoint, approach, saturate
+from onboard.motor_loop.stop_latch import StopLatch
 
 Duties = tuple[float, float]
 NO_DUTY: Duties = (0.0, 0.0)
@@ -64,6 +65,7 @@ class MotorLoop:
         self._tick_s = 1.0 / loop.rate_hz
         drive = robot_type(config.robot.kind).on_two_wheels()
         self._commanded = Setpoint(drive, loop.limits, config.controller.dt_s, self._tick_s)
+        self.stop_latch = StopLatch()
         self._releasing = False
         self._encoder_us: int | None = None
         self._ticked_us: int | None = None
@@ -92,14 +94,15 @@ class MotorLoop:
         """Count a command that was of another robot's type, or not decodable."""
         self.arbiter.refuse("type")
 
-    def estop(self, engaged: bool) -> None:
-        """Engage the emergency stop; or release it, and with it a fault."""
-        if engaged:
-            self._stop_at_once(State.ESTOP)
-        elif self.state in STOPPED:
-            self._stop_at_once(State.REST)
-            self.fault = NO_FAULT
-            self._health.reset()
+    def stop(self, now_us: int, ordered_us: int) -> None:
+        """Engage the emergency stop, ordered at ``ordered_us`` by the sender's stamp."""
+        self.stop_latch.engage(now_us, ordered_us)
+        self._stop_at_once(State.ESTOP)
+
+    def release(self, stop_number: int, ordered_us: int) -> None:
+        """Release the stop of that number, and with it a fault; see :class:`StopLatch`."""
+        if self.stop_latch.release(stop_number, ordered_us):
+            self._stand_by()
 
     def encoder(self, utime: int, left_count: int, right_count: int, battery_v: float) -> None:
         """Take the newest encoder counters and battery voltage."""
@@ -110,9 +113,7 @@ class MotorLoop:
     def tick(self, now_us: int) -> Duties:
         """Return the duties ``(left, right)`` for the next tick."""
         age_us = None if self._encoder_us is None else now_us - self._encoder_us
-        if self.fault and self.fault is Fault.ENCODERS_SILENT and self._health.hears(age_us):
-            self.estop(False)
-        if self.state in STOPPED:
+        if self.state in STOPPED and not self._heals(age_us):
             return NO_DUTY
         measured = self.odometry.newest() or STANDING
         before_us, self._ticked_us = self._ticked_us, now_us
@@ -122,11 +123,22 @@ class MotorLoop:
             )
         self.fault = self._health.check(now_us, self.battery_v, age_us, self._duties, measured)
         if self.fault:
+            self.stop_latch.engage(now_us, now_us)
             self._stop_at_once(State.FAULT)
             return NO_DUTY
         self._move_setpoint(now_us)
         self._duties = self._control(measured)
         return self._duties
+
+    def _heals(self, age_us: int | None) -> bool:
+        """Return whether a stop is over by itself: a fault of encoders that are heard again."""
+        if self.state is not State.FAULT or self.fault is not Fault.ENCODERS_SILENT:
+            return False
+        if not self._health.hears(age_us):
+            return False
+        self.stop_latch.clear()
+        self._stand_by()
+        return True
 
     def _resume_after_pause(self, measured: Speeds) -> None:
         """Go on after a pause of the loop itself, in which the motors' drivers have let go."""
@@ -169,6 +181,11 @@ class MotorLoop:
             left_wheel.step(left, measured[LEFT], self._tick_s),
             right_wheel.step(right, measured[RIGHT], self._tick_s),
         )
+
+    def _stand_by(self) -> None:
+        self._stop_at_once(State.REST)
+        self.fault = NO_FAULT
+        self._health.reset()
 
     def _stop_at_once(self, state: State) -> None:
         self.state = state

@@ -8,6 +8,7 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.eventlog.older_layouts import in_present_layout
 from koopman_lab.geometry.planar import body_velocity
 from koopman_lab.robots.table import robot_type
 from onboard.desk_time import DeskTime
@@ -26,7 +27,6 @@ class OnboardNode:
         self._robot = config.robot
         self._command = robot_type(config.robot.kind).commanded()
         self._rates = config.motor_loop
-        self._stopped_us = 0
         self._duties = lcmtypes.motor_command_t()
 
     def attach(self, port: Port) -> None:
@@ -34,7 +34,7 @@ class OnboardNode:
         self._port = port
         self._time = DeskTime(port, self._config)
         port.subscribe(channels.ENCODER, self._on_encoder)
-        port.subscribe(channels.ESTOP, self._on_estop)
+        port.subscribe_raw(channels.ESTOP, self._on_estop)
         for channel in channels.wheel_command_channels():
             port.subscribe_raw(channel, self._on_command)
         port.every(self._rates.rate_hz, self._on_tick)
@@ -48,15 +48,18 @@ class OnboardNode:
     def _on_encoder(self, message: lcmtypes.encoder_t) -> None:
         self.loop.encoder(message.utime, message.left_count, message.right_count, message.battery_v)
 
-    def _on_estop(self, message: lcmtypes.estop_t) -> None:
-        if message.engaged:
-            # Nobody stops it in the future; so no time, however wrong, makes it stop for good.
-            desk_us = self._time.to_desk(self._port.now_us())
-            self._stopped_us = max(self._stopped_us, min(message.utime, desk_us))
-        elif message.utime < self._stopped_us:
-            # A release older than the stop comes from a replayed log.
+    def _on_estop(self, name: str, data: bytes, arrived_us: int) -> None:
+        del name
+        try:
+            # A kill switch that was built for an older version stops the robot as well.
+            message = lcmtypes.estop_t.decode(in_present_layout(data))
+        except (ValueError, struct.error):
             return
-        self.loop.estop(message.engaged)
+        ordered_us = self._time.to_board(message.utime)
+        if message.engaged:
+            self.loop.stop(arrived_us, ordered_us)
+        else:
+            self.loop.release(message.stop_number, ordered_us)
 
     def _on_command(self, name: str, data: bytes, arrived_us: int) -> None:
         del name
@@ -115,5 +118,7 @@ class OnboardNode:
         message.refused_commander = refused["commander"]
         message.refused_type = refused["type"]
         message.refused_stopped = refused["stopped"]
+        message.stop_number = loop.stop_latch.number
+        message.refused_release = loop.stop_latch.refused_releases
         message.battery_v = loop.battery_v or 0.0
         self._port.publish(channels.ONBOARD_STATUS, message)

@@ -79,6 +79,8 @@ EXPECTED = {
         "u": (*old["u"], *[0.0] * 6),
         "state_in_goal_frame": (*old["state_in_goal_frame"], *[0.0] * 11),
     },
+    lcmtypes.estop_t: lambda _: {"stop_number": 0},
+    lcmtypes.onboard_status_t: lambda _: {"stop_number": 0, "refused_release": 0},
 }
 """What becomes of fields that are not there any more, or longer."""
 

@@ -86,7 +86,7 @@ def test_a_fault_stops_the_motors_and_holds_until_it_is_released(kinematic, what
         kinematic.silent = False
         kinematic.tick()
     else:
-        kinematic.loop.estop(False)
+        kinematic.release()
     assert kinematic.loop.state is State.REST
     assert kinematic.loop.fault is Fault.NO_FAULT
     assert kinematic.command((0.1, 0.0), intent=Intent.CONTINUE) == "order"
@@ -176,11 +176,11 @@ def test_a_clock_that_is_set_back_does_not_put_a_fault_off(kinematic, step_s):
 
 def test_the_estop_acts_in_the_next_tick_and_holds_until_released(dynamic):
     dynamic.drive((0.3, 0.0), 1.0)
-    dynamic.loop.estop(True)
+    dynamic.loop.stop(dynamic.now_us, dynamic.now_us)
     assert dynamic.loop.tick(dynamic.now_us) == (0.0, 0.0)
     assert dynamic.command((0.1, 0.0)) == "stopped"
     for _ in range(100):
         dynamic.tick()
     assert dynamic.plant.body_velocity() == (0.0, 0.0)
-    dynamic.loop.estop(False)
+    dynamic.release()
     assert dynamic.command((0.1, 0.0)) is None

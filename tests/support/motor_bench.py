@@ -43,6 +43,9 @@ class Bench:
         self.sequence += 1
         return self.loop.command(Command(**fields), self.now_us)
 
+    def release(self):
+        self.loop.release(self.loop.stop_latch.number, self.now_us)
+
     def drive(self, u, seconds):
         """Command every 50 ms; return set-points and true velocities of each tick."""
         rows = []
