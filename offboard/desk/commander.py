@@ -8,6 +8,7 @@ from importlib.metadata import version
 import lcmtypes
 from koopman_lab.bus import channel, channels
 from koopman_lab.bus.commanders import commander_number
+from koopman_lab.bus.motor_loop_faults import fault_text
 from koopman_lab.bus.node import Port
 from koopman_lab.config.load import dump_config
 from koopman_lab.config.schema import LabConfig
@@ -16,15 +17,13 @@ from offboard.desk.time_server import TimeServer
 
 ONBOARD_TIMEOUT_S = 1.0
 """Ten of its status messages."""
-FAULTS = ("no fault", "battery low", "encoders silent", "left wheel stuck", "right wheel stuck")
-"""By the numbers of ``onboard_status_t``."""
 
 
 def why_stopped(status: lcmtypes.onboard_status_t) -> str | None:
     """Return what holds the robot until a person releases it, None if nothing does."""
     if status.state == status.ESTOP:
         return "emergency stop"
-    return FAULTS[status.fault] if status.state == status.FAULT else None
+    return fault_text(status.fault) if status.state == status.FAULT else None
 
 
 class Commands:

@@ -55,7 +55,7 @@ def state_name(names: Sequence[str], number: int) -> str:
 
 def motor_loop_text(status: lcmtypes.onboard_status_t) -> str:
     """Return what the motor loop does."""
-    if status.state == status.FAULT and 0 <= status.fault < 5:
+    if status.state == status.FAULT:
         return f"FAULT: {why_stopped(status)}"
     return state_name(MOTOR_LOOP_STATES, status.state)
 

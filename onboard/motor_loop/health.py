@@ -1,65 +1,87 @@
-"""Finds what makes driving unsafe: an empty battery, silent encoders, a wheel that stands."""
+"""Finds what makes driving unsafe: battery, silent encoders, wheels that do not as they should."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import IntEnum
 
-from koopman_lab.config import motor_loop
+from koopman_lab.bus.age import is_current
+from koopman_lab.bus.motor_loop_faults import Fault
+from koopman_lab.bus.replay_guard import SILENCE_US
+from koopman_lab.config.motor_loop import MotorLoop
+from koopman_lab.geometry.planar import TAU
 from koopman_lab.units import US_PER_S
+from onboard.motor_loop.wheel_plausibility import Contradiction, WheelPlausibility
 
 LEFT, RIGHT = 0, 1
 OLDEST_US = 30_000
 """Counters that are older, three ticks, say nothing about a wheel."""
-
-
-class Fault(IntEnum):
-    """What was found; the numbers are those of ``onboard_status_t``."""
-
-    NO_FAULT = 0
-    BATTERY_LOW = 1
-    ENCODERS_SILENT = 2
-    LEFT_WHEEL_STUCK = 3
-    RIGHT_WHEEL_STUCK = 4
-
-
+FOLLOW_US = 2 * SILENCE_US
+"""After a pause, or when the clock was set, it takes this long at most until the motors follow:
+their driver may take the board for another sender at first."""
 FAULTS = len(Fault)
 NO_FAULT = Fault.NO_FAULT
+WHEEL_FAULTS = {
+    (LEFT, Contradiction.CONTRARY): Fault.LEFT_WHEEL_CONTRARY,
+    (RIGHT, Contradiction.CONTRARY): Fault.RIGHT_WHEEL_CONTRARY,
+    (LEFT, Contradiction.TOO_FAST): Fault.LEFT_WHEEL_TOO_FAST,
+    (RIGHT, Contradiction.TOO_FAST): Fault.RIGHT_WHEEL_TOO_FAST,
+    (LEFT, Contradiction.TOO_SLOW): Fault.LEFT_WHEEL_TOO_SLOW,
+    (RIGHT, Contradiction.TOO_SLOW): Fault.RIGHT_WHEEL_TOO_SLOW,
+}
 
 
 class Health:
-    """Judges tick by tick; each finding must persist for its configured time.
+    """Judges tick by tick; each finding must persist for its time.
 
     A stuck encoder and a blocked motor look the same from here: a wheel is driven and its counter
     stands still. Both stop the robot, the sooner the harder the wheel is driven: with a stuck
-    encoder the speed controller sees no speed and drives ever harder.
+    encoder the speed controller sees no speed and drives ever harder. A wheel that turns, but not
+    as it should, is :class:`WheelPlausibility`'s affair.
+
+    Parameters
+    ----------
+    settings
+        Limits and patience, counts per turn, rate of ticks.
+    fastest_rad_per_s
+        Largest set-point of a wheel.
     """
 
-    def __init__(self, settings: motor_loop.Health) -> None:
-        self._timeout_us = settings.encoder_timeout_s * US_PER_S
-        self._battery_low_v = settings.battery_low_v
-        self._battery_us = settings.battery_s * US_PER_S
-        self._stuck_duty = settings.stuck_duty
-        self._stuck_effort_us = settings.stuck_duty * settings.stuck_s * US_PER_S
+    def __init__(self, settings: MotorLoop, fastest_rad_per_s: float) -> None:
+        health = settings.health
+        self._timeout_us = health.encoder_timeout_s * US_PER_S
+        self._battery_low_v = health.battery_low_v
+        self._battery_us = health.battery_s * US_PER_S
+        self._stuck_duty = health.stuck_duty
+        self._stuck_effort_us = health.stuck_duty * health.stuck_s * US_PER_S
+        one_count_rad_per_s = TAU / settings.encoder_counts_per_rev * settings.rate_hz
+        full_duty_rad_per_s = settings.pid.feed_forward_full_duty_rad_per_s
+        self._wheels = tuple(
+            WheelPlausibility(one_count_rad_per_s, full_duty_rad_per_s, fastest_rad_per_s)
+            for _ in (LEFT, RIGHT)
+        )
         self._checked_us: int | None = None
         self.reset()
 
-    def reset(self) -> None:
-        """Forget the past."""
+    def reset(self, follow_us: int = 0) -> None:
+        """Forget the past; for ``follow_us`` no wheel is expected to do what its motor is told."""
+        self._follow_us = follow_us
         self._good_since_us: list[int | None] = [None] * FAULTS
         self._efforts_us = [0.0, 0.0]
+        for wheel in self._wheels:
+            wheel.reset()
 
-    def hears(self, encoder_age_us: int | None) -> bool:
-        """Return whether the newest encoder message (age in us) is young enough to drive by."""
-        return encoder_age_us is not None and abs(encoder_age_us) <= self._timeout_us
+    def hears(self, encoder_us: int | None, now_us: int) -> bool:
+        """Return whether the newest encoder message is young enough to drive by."""
+        return encoder_us is not None and is_current(encoder_us, now_us, self._timeout_us)
 
     def check(
         self,
         now_us: int,
         battery_v: float | None,
-        encoder_age_us: int | None,
+        encoder_us: int | None,
         duties: Sequence[float],
         speeds: Sequence[float],
+        setpoints: Sequence[float],
     ) -> Fault:
         """Return what is wrong now.
 
@@ -69,25 +91,36 @@ class Health:
             Onboard time.
         battery_v
             Newest battery voltage (V), None before the first.
-        encoder_age_us
-            Age of the newest encoder message (us), None before the first.
+        encoder_us
+            When the newest encoder message was stamped (us), None before the first.
         duties
             Duties of the last tick, (left, right).
         speeds
-            Measured wheel speeds (rad/s), (left, right).
+            Measured wheel speeds (rad/s), (left, right), the mean of the last tick.
+        setpoints
+            Wheel speeds that the last tick was to bring (rad/s), (left, right).
         """
-        silent = not self.hears(encoder_age_us) and any(duties)
+        before_us, self._checked_us = self._checked_us, now_us
+        # A clock that is set makes no time pass.
+        passed_us = 0 if before_us is None else min(OLDEST_US, max(0, now_us - before_us))
+        silent = not self.hears(encoder_us, now_us) and any(duties)
         low = battery_v is not None and battery_v < self._battery_low_v
-        fresh = encoder_age_us is not None and abs(encoder_age_us) < OLDEST_US
+        fresh = encoder_us is not None and is_current(encoder_us, now_us, OLDEST_US)
+        self._follow_us -= passed_us
+        if fresh and self._follow_us <= 0:
+            passed_s = passed_us / US_PER_S
+            for wheel in (LEFT, RIGHT):
+                contradiction = self._wheels[wheel].judge(
+                    duties[wheel], setpoints[wheel], speeds[wheel], passed_s
+                )
+                if contradiction is not None:
+                    return WHEEL_FAULTS[wheel, contradiction]
         left_idle = fresh and speeds[LEFT] == 0.0 and abs(duties[LEFT]) > self._stuck_duty
         right_idle = fresh and speeds[RIGHT] == 0.0 and abs(duties[RIGHT]) > self._stuck_duty
-        before_us, self._checked_us = self._checked_us, now_us
         if not (silent or low or left_idle or right_idle):
             self._good_since_us = [now_us] * FAULTS
             self._efforts_us = [0.0, 0.0]
             return NO_FAULT
-        # A clock that is set makes no time pass.
-        passed_us = 0 if before_us is None else min(OLDEST_US, max(0, now_us - before_us))
         findings = (
             (Fault.ENCODERS_SILENT, silent, 0.0),
             (Fault.BATTERY_LOW, low, self._battery_us),

@@ -5,10 +5,11 @@ import math
 import pytest
 from motor_bench import CONTROLLER, TICK_US, Bench
 
+from koopman_lab.bus.motor_loop_faults import Fault
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import REST
 from onboard.motor_loop.command_arbiter import Intent
-from onboard.motor_loop.health import Fault
+from onboard.motor_loop.health import FOLLOW_US, OLDEST_US
 from onboard.motor_loop.loop import State
 
 
@@ -44,6 +45,37 @@ def test_a_loop_that_was_kept_from_running_does_not_go_on_where_it_was(kinematic
         assert not loop.fault
     assert loop.setpoint == REST
     assert kinematic.command((0.1, 0.0), CONTROLLER, sequence=0) is None
+
+
+@pytest.mark.parametrize("ahead_us", [-OLDEST_US - 1, -OLDEST_US, OLDEST_US, OLDEST_US + 1])
+def test_after_a_pause_counters_that_are_not_of_now_say_nothing(kinematic, ahead_us):
+    """Neither those of long ago nor those that seem to be of the future."""
+    kinematic.drive((0.3, 0.0), 1.0)
+    loop = kinematic.loop
+    kinematic.now_us += 600_000
+    loop._encoder_us = kinematic.now_us + ahead_us
+    loop.tick(kinematic.now_us)
+    assert (loop.setpoint != REST) is (abs(ahead_us) <= OLDEST_US)
+
+
+@pytest.mark.parametrize("step_s", [-1000.0, 0.6, 1000.0])
+@pytest.mark.parametrize(("deaf_us", "fault"), [(FOLLOW_US - 10_000, False), (300_000, True)])
+def test_after_a_pause_or_a_step_of_the_clock_motors_may_follow_late(
+    kinematic, step_s, deaf_us, fault
+):
+    """Their driver goes on as before until it knows whom to follow; if for good, it is a fault."""
+    kinematic.drive((0.4, 0.0), 1.0)
+    loop, plant = kinematic.loop, kinematic.plant
+    offset_us = round(step_s * 1e6)
+    for k in range(100):
+        plant.advance(kinematic.now_us)
+        loop.encoder(kinematic.now_us + offset_us, *plant.encoder_counts(), 7.4)
+        duties = loop.tick(kinematic.now_us + offset_us)
+        if k * TICK_US >= deaf_us:
+            plant.drive(*duties)
+        kinematic.now_us += TICK_US
+    assert bool(loop.fault) is fault
+    assert plant.body_velocity() == (0.0, 0.0)
 
 
 def faulty(bench, seconds):
@@ -90,6 +122,19 @@ def test_a_fault_stops_the_motors_and_holds_until_it_is_released(kinematic, what
     assert kinematic.loop.state is State.REST
     assert kinematic.loop.fault is Fault.NO_FAULT
     assert kinematic.command((0.1, 0.0), intent=Intent.CONTINUE) == "order"
+
+
+def test_counters_that_are_not_heard_accuse_no_wheel(kinematic):
+    """What was heard last is no speed of now, while the robot brakes."""
+    kinematic.drive((0.6, 0.0), 1.0)
+    kinematic.silent = True
+    taken = 0
+    while not kinematic.loop.fault:
+        kinematic.command((-0.6, 0.0), intent=Intent.CONTINUE)
+        kinematic.tick()
+        taken += 1
+    assert kinematic.loop.fault is Fault.ENCODERS_SILENT
+    assert taken == 26
 
 
 def test_a_stuck_encoder_is_found_before_the_wheel_runs_away(kinematic):

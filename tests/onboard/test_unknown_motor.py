@@ -4,15 +4,13 @@ import itertools
 import math
 
 import pytest
+from first_order_drives import FRICTION_DUTIES, FULL_DUTY_RAD_PER_S, LAGS_S
 
 from koopman_lab.config.load import load_config
 from onboard.motor_loop.pid import WheelController
 
 REAL = load_config(preset="real").motor_loop
 TICK_S = 0.01
-FULL_DUTY_RAD_PER_S = (10.0, 30.0, 60.0, 120.0)
-LAGS_S = (0.02, 0.05, 0.1, 0.3)
-FRICTION_DUTIES = (0.0, 0.1)
 SETPOINT_RAD_PER_S = 5.0
 
 

@@ -13,6 +13,8 @@ COAST_S = 0.4
 """In which motors at zero stop a robot: the logarithm of 0.6 m/s over 1 mm/s, times their lag."""
 GUARD_S = 1.0
 """In which the guard of the desk notices that cameras, wheels and commands do not fit together."""
+DISOBEYS_S = 0.3
+"""In which the motor loop notices that a wheel does not do as it is told."""
 ON_THE_WAY_S = 0.05
 """Radio, one camera frame, one tick: what a message or a measurement takes."""
 
@@ -45,6 +47,12 @@ def by_estop(config: LabConfig) -> float:
 def by_stuck_wheel(config: LabConfig) -> float:
     """Return the time to rest after a wheel seems to stand (s), even if it is hardly driven."""
     return config.motor_loop.health.stuck_s + ON_THE_WAY_S + COAST_S
+
+
+def by_disobeying_wheel(config: LabConfig) -> float:
+    """Return the time to rest after a wheel first did not do as it was told (s)."""
+    del config
+    return DISOBEYS_S + ON_THE_WAY_S + COAST_S
 
 
 def by_low_battery(config: LabConfig) -> float:

@@ -15,6 +15,7 @@ from offboard.bench.faults.bounds import (
     by_watchdog,
 )
 from offboard.bench.faults.contradictions import CONTRADICTIONS
+from offboard.bench.faults.disobeying_wheels import DISOBEYING_WHEELS
 from offboard.bench.faults.scenario import Scenario
 from offboard.bench.faults.strikes import (
     Inject,
@@ -220,6 +221,7 @@ SCENARIOS: tuple[Scenario, ...] = (
         activity="calibrate",
         watched_s=5.0,
     ),
+    *DISOBEYING_WHEELS,
     *CONTRADICTIONS,
 )
 """The table; the tests go through the same rows."""

@@ -32,7 +32,7 @@ STEP_S = 0.01
 FAST_M_PER_S = 0.25
 """The fault comes while the robot drives at least as fast."""
 MOVES_M_PER_S = 0.02
-"""Faster than this the robot drives, however slowly."""
+"""If a wheel is faster than this, the robot moves, however slowly."""
 MOVING_LIMIT_S = 30.0
 START = Pose(-1.8, 0.3, 0.0)
 """Far enough from the goal that parking is not over before the scenario is."""
@@ -203,11 +203,14 @@ class Stage:
 
     def until_moving(self) -> None:
         """Go on until the robot moves, or has had time enough to."""
+        half_track_m = 0.5 * self.config.robot.track_width_m
         for _ in range(round(MOVING_LIMIT_S / STEP_S)):
             self.run(STEP_S)
-            sights = self.witness.sights
-            if sights and abs(sights[-1].v_m_per_s) >= MOVES_M_PER_S:
-                break
+            for sight in self.witness.sights[-1:]:
+                rim_m_per_s = abs(sight.v_m_per_s) + half_track_m * abs(sight.omega_rad_per_s)
+                if rim_m_per_s >= MOVES_M_PER_S:
+                    self.states.clear()
+                    return
         self.states.clear()
 
     def kill(self, name: str) -> None:

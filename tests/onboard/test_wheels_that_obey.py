@@ -1,0 +1,68 @@
+"""No robot that does what it is told is accused of anything, whatever its motors and commands.
+
+That is what the patience of ``wheel_plausibility`` is measured against: the doubt that the motor
+loop has of wheels that obey stays below half of what a fault takes.
+"""
+
+import random
+
+import pytest
+from first_order_drives import (
+    FRICTION_DUTIES,
+    FULL_DUTY_RAD_PER_S,
+    LAGS_S,
+    FirstOrderDrives,
+    with_real_gains,
+)
+from motor_bench import Bench
+
+from koopman_lab.config.load import load_config
+from onboard.motor_loop.command_arbiter import Intent
+
+SHARES = ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (0.03, 0.02), (0.5, 0.5))
+"""Of the largest inputs; the others are drawn."""
+WITHOUT_DOUBT = 0.5
+
+
+def largest_doubt(bench, seed, seconds):
+    """Command steps, creeping, reversals and rest at random; return the largest doubt."""
+    rng, largest, left = random.Random(seed), 0.0, 0
+    largest_u = bench.loop.arbiter._largest_u
+    for k in range(round(seconds * 100)):
+        if k % 5 == 0:
+            if left == 0:
+                left = rng.choice([1, 2, 4, 8, 20, 40])
+                share = rng.choice([*SHARES, (rng.uniform(-1, 1), rng.uniform(-1, 1))])
+            left -= 1
+            u = [part * most for part, most in zip(share, largest_u, strict=True)]
+            refusal = bench.command(u, intent=Intent.CONTINUE if k else Intent.BEGIN)
+            assert refusal is None, bench.loop.fault
+        bench.tick()
+        largest = max(largest, *(wheel._doubt for wheel in bench.loop._health._wheels))
+    assert not bench.loop.fault
+    return largest
+
+
+@pytest.mark.parametrize("late_ticks", [0, 2])
+@pytest.mark.parametrize("counts_per_rev", [800, 2400, 10_000])
+@pytest.mark.parametrize("kind", ["kinematic", "dynamic"])
+def test_motors_that_nobody_has_measured(kind, counts_per_rev, late_ticks):
+    """All for which the gains are made; up to 20 ms pass until a duty is at the motor."""
+    config = with_real_gains(kind, counts_per_rev)
+    for full in FULL_DUTY_RAD_PER_S:
+        for lag_s in LAGS_S:
+            for friction_duty in FRICTION_DUTIES:
+                motor = full, lag_s, friction_duty
+                bench = Bench(config)
+                # A wheel that stands still at a duty of more than 0.2 is stuck, be it for a moment.
+                bench.loop._health._stuck_duty = 1.0
+                bench.plant.drives = FirstOrderDrives(*motor, late_ticks)
+                assert largest_doubt(bench, 1, 8.0) < WITHOUT_DOUBT, motor
+
+
+@pytest.mark.parametrize("preset", ["lab", "harsh"])
+@pytest.mark.parametrize("kind", ["kinematic", "dynamic"])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_simulated_robots(kind, preset, seed):
+    bench = Bench(load_config(robot=kind, preset=preset))
+    assert largest_doubt(bench, seed, 60.0) < WITHOUT_DOUBT
