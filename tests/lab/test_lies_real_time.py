@@ -25,6 +25,7 @@ PARK = ("park", "--model", MODEL, "--set", "controller.horizon=20")
         ("[{kind: heading_backwards, at_s: 0}]", "the orientation of the rigid body"),
         ("[{kind: frame_turned, at_s: 0}]", "check the axes of the cameras' frame"),
         ("[{kind: frame_mirrored, at_s: 0}]", "handedness"),
+        ("[{kind: encoder_reversed, wheel: left, at_s: 0}]", "left wheel"),
     ],
 )
 def test_a_session_with_wrong_axes_or_cables_stops_at_once_and_says_what_to_check(

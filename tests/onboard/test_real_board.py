@@ -61,8 +61,8 @@ def test_a_thousand_motor_commands_are_of_now_and_none_is_lost(board):
     driver.run_until(lambda: len(driver.commands) >= MESSAGES)
     numbers, ages_us = np.array(driver.commands[:MESSAGES]).T
     assert np.array_equal(np.diff(numbers), np.ones(MESSAGES - 1))
-    # How late a busy machine hands over the last few is its own affair.
-    assert np.quantile(ages_us, 0.9) <= WITHIN_US
+    # How late a busy machine hands them over is its own affair; a wrong clock shifts them all.
+    assert np.median(ages_us) <= WITHIN_US
     assert ages_us.min() >= -WITHIN_US
     process.terminate()
     assert process.stdout.read().splitlines() == [SAID]
