@@ -60,6 +60,7 @@ class Health:
             for _ in (LEFT, RIGHT)
         )
         self._checked_us: int | None = None
+        self._read_us: int | None = None
         self.reset()
 
     def reset(self, follow_us: int = 0) -> None:
@@ -106,15 +107,10 @@ class Health:
         silent = not self.hears(encoder_us, now_us) and any(duties)
         low = battery_v is not None and battery_v < self._battery_low_v
         fresh = encoder_us is not None and is_current(encoder_us, now_us, OLDEST_US)
-        self._follow_us -= passed_us
-        if fresh and self._follow_us <= 0:
-            passed_s = passed_us / US_PER_S
-            for wheel in (LEFT, RIGHT):
-                contradiction = self._wheels[wheel].judge(
-                    duties[wheel], setpoints[wheel], speeds[wheel], passed_s
-                )
-                if contradiction is not None:
-                    return WHEEL_FAULTS[wheel, contradiction]
+        if fresh and encoder_us is not None and encoder_us != self._read_us:
+            fault = self._contradiction(encoder_us, duties, speeds, setpoints)
+            if fault:
+                return fault
         left_idle = fresh and speeds[LEFT] == 0.0 and abs(duties[LEFT]) > self._stuck_duty
         right_idle = fresh and speeds[RIGHT] == 0.0 and abs(duties[RIGHT]) > self._stuck_duty
         if not (silent or low or left_idle or right_idle):
@@ -134,6 +130,36 @@ class Health:
                 since_us = self._good_since_us[fault] = now_us
             if bad and now_us - since_us >= patience_us:
                 return fault
+        return NO_FAULT
+
+    def _contradiction(
+        self,
+        encoder_us: int,
+        duties: Sequence[float],
+        speeds: Sequence[float],
+        setpoints: Sequence[float],
+    ) -> Fault:
+        """Judge the wheels by a new reading of the encoders; return what is wrong with one.
+
+        Where a machine is too busy for the motor loop, for a driver or for the wire between them,
+        readings come irregularly, and so do duties at the motors: there is nothing to compare.
+        """
+        before_us, self._read_us = self._read_us, encoder_us
+        passed_us = 0 if before_us is None else encoder_us - before_us
+        regular = 0 < passed_us <= OLDEST_US
+        if regular:
+            self._follow_us -= passed_us
+        if not regular or self._follow_us > 0:
+            for wheel in self._wheels:
+                wheel.reset()
+            return NO_FAULT
+        passed_s = passed_us / US_PER_S
+        for side in (LEFT, RIGHT):
+            contradiction = self._wheels[side].judge(
+                duties[side], setpoints[side], speeds[side], passed_s
+            )
+            if contradiction is not None:
+                return WHEEL_FAULTS[side, contradiction]
         return NO_FAULT
 
     def _is_strained(self, wheel: int, idle: bool, duties: Sequence[float], passed_us: int) -> bool:

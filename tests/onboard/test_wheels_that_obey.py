@@ -14,7 +14,7 @@ from first_order_drives import (
     FirstOrderDrives,
     with_real_gains,
 )
-from motor_bench import Bench
+from motor_bench import TICK_US, Bench
 
 from koopman_lab.config.load import load_config
 from onboard.motor_loop.command_arbiter import Intent
@@ -58,6 +58,45 @@ def test_motors_that_nobody_has_measured(kind, counts_per_rev, late_ticks):
                 bench.loop._health._stuck_duty = 1.0
                 bench.plant.drives = FirstOrderDrives(*motor, late_ticks)
                 assert largest_doubt(bench, 1, 8.0) < WITHOUT_DOUBT, motor
+
+
+class StallingBench(Bench):
+    """On a machine that is too busy: now and then the loop or the driver of the motors stands still.
+
+    The driver neither takes duties nor tells of the encoders then; what waits, it takes at once.
+    """
+
+    def __init__(self, config, seed, longest_ticks):
+        super().__init__(config)
+        self._rng, self._longest = random.Random(-seed), longest_ticks
+        self._stalled = {"loop": 0, "driver": 0}
+        self._duties = (0.0, 0.0)
+
+    def tick(self):
+        for part, left in self._stalled.items():
+            begins = left == 0 and self._rng.random() < 0.03
+            self._stalled[part] = (
+                self._rng.randint(1, self._longest) if begins else max(0, left - 1)
+            )
+        self.plant.advance(self.now_us)
+        if not self._stalled["driver"]:
+            self.plant.drive(*self._duties)
+            self.loop.encoder(self.now_us, *self.plant.encoder_counts(), self.battery_v)
+        if not self._stalled["loop"]:
+            self._duties = self.loop.tick(self.now_us)
+            if not self._stalled["driver"]:
+                self.plant.drive(*self._duties)
+        self.now_us += TICK_US
+
+
+@pytest.mark.parametrize("longest_ticks", [2, 5, 10])
+@pytest.mark.parametrize("preset", ["lab", "harsh"])
+@pytest.mark.parametrize("kind", ["kinematic", "dynamic"])
+def test_the_simulated_robots_on_a_machine_that_is_too_busy(kind, preset, longest_ticks):
+    """A third of the time something stands still, for up to a tenth of a second."""
+    for seed in range(3):
+        bench = StallingBench(load_config(robot=kind, preset=preset), seed, longest_ticks)
+        assert largest_doubt(bench, seed, 60.0) < WITHOUT_DOUBT
 
 
 @pytest.mark.parametrize("preset", ["lab", "harsh"])
