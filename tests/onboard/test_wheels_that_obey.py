@@ -61,7 +61,7 @@ def test_motors_that_nobody_has_measured(kind, counts_per_rev, late_ticks):
 
 
 class StallingBench(Bench):
-    """On a machine that is too busy: now and then the loop or the driver of the motors stands still.
+    """On a machine that is too busy: now and then the loop or the motors' driver stands still.
 
     The driver neither takes duties nor tells of the encoders then; what waits, it takes at once.
     """
