@@ -42,7 +42,8 @@ def calibrate(
 ) -> None:
     """Record a calibration session: DIR/session.lcm, DIR/config.yaml, DIR/summary.json.
 
-    In real time plant and onboard loop are started too, unless they run already.
+    In real time plant and onboard loop are started too, unless they run already. What is recorded
+    is judged; without usable samples the session is not complete, and the exit code is 1.
 
     Example: klab calibrate --robot kinematic --lockstep --seed 1 --out runs/calibration
     """

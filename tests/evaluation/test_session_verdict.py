@@ -299,7 +299,7 @@ def with_account(dataset, **changes):
     ("changes", "level", "words"),
     [
         ({"pacing": {"plant": {"ticks": 9800, "missed": 200}}}, "weak", "plant skipped 2 %"),
-        ({"pacing": {"plant": {"ticks": 8000, "missed": 2000}}}, "unusable", "overloaded"),
+        ({"pacing": {"plant": {"ticks": 8000, "missed": 2000}}}, "weak", "overloaded"),
         ({"pacing": {"plant": {"ticks": 9990, "missed": 10}}}, "good", ""),
         ({"used": 100, "invalid": 4000}, "unusable", "see that the cameras see the robot"),
         ({"left_out": {"flipped": 1}}, "good", "1 of"),
