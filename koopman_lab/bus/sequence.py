@@ -14,7 +14,7 @@ SMALLEST_SPLIT_GAP = 4
 LARGEST_GAP = 10**9
 """Whoever is farther ahead is another publisher: the cameras, the fastest of all, take 48 days to
 say so much, and nobody listens so long without a message."""
-_PLACE = LATEST - 1
+PLACE = LATEST - 1
 """What leaves of a number its place among the :data:`LATEST`."""
 
 
@@ -52,13 +52,14 @@ class SequenceCounter:
         """The newest gap that turned out to be a second publisher's start: its first number, the
         publisher to whom its messages were counted, and the one whose they are."""
         self.copies = 0
-        self._next: int | None = None
+        self.next_number: int | None = None
+        """Number of the message that would come next if none were lost."""
         self._others: list[tuple[int, int]] = []
         """The number that each other publisher would send next, and the publisher; newest last."""
         self._missing: set[int] = set()
         self._gap: Gap | None = None
         """The newest of at least :data:`SMALLEST_SPLIT_GAP`."""
-        self._times: list[int | None] = [None] * LATEST
+        self.stamps: list[int | None] = [None] * LATEST
         """When the newest message of each place was stamped (us)."""
         self._copied: list[int | None] = [None] * LATEST
         """When the newest message of each place that came again was stamped (us)."""
@@ -76,16 +77,16 @@ class SequenceCounter:
         utime
             When its sender stamped it (us); tells its copies from others of the same number.
         """
-        if sequence == self._next:
-            self._next = sequence + 1
-            self._times[sequence & _PLACE] = utime
+        if sequence == self.next_number:
+            self.next_number = sequence + 1
+            self.stamps[sequence & PLACE] = utime
             return 0
-        place = sequence & _PLACE
-        if self._times[place] == utime:
+        place = sequence & PLACE
+        if self.stamps[place] == utime:
             self.copies += 1
             self._copied[place] = utime
             return 0
-        self._times[place] = utime
+        self.stamps[place] = utime
         if self._gap is not None and sequence == self._gap.expected:
             self._tell_apart(self._gap)
             return 0
@@ -97,7 +98,7 @@ class SequenceCounter:
             return 0
         if self._others:
             self._turn_to_closest(sequence)
-        expected = sequence if self._next is None else self._next
+        expected = sequence if self.next_number is None else self.next_number
         if sequence == expected - 1 and not self._is_said_by_two(sequence):
             return 0
         gap = max(0, sequence - expected)
@@ -114,7 +115,7 @@ class SequenceCounter:
             self.publisher = self.restarts
             self._missing.clear()
             self._gap = None
-        self._next = sequence + 1
+        self.next_number = sequence + 1
         self.lost += gap
         return gap
 
@@ -123,7 +124,7 @@ class SequenceCounter:
         """Return whether the newest number came more often than all publishers could say it."""
         return (
             self._shared is not None
-            and self._next == self._shared + 1
+            and self.next_number == self._shared + 1
             and self._others_of_shared > MOST_OTHER_PUBLISHERS
         )
 
@@ -132,21 +133,21 @@ class SequenceCounter:
 
         Newest first, at most :data:`LATEST`; None for each that was not heard.
         """
-        return [self._times[place] for place in self._newest_places(count)]
+        return [self.stamps[place] for place in self._newest_places(count)]
 
     def share_copied(self, count: int) -> float:
         """Return which share of so many newest numbers came more than once, as copies."""
         if not self.copies:
             return 0.0
-        times, copied, places = self._times, self._copied, self._newest_places(count)
+        times, copied, places = self.stamps, self._copied, self._newest_places(count)
         return (
             sum(times[place] is not None and times[place] == copied[place] for place in places)
             / count
         )
 
     def _newest_places(self, count: int) -> list[int]:
-        following = self._next or 0
-        return [(following - 1 - k) & _PLACE for k in range(count)]
+        following = self.next_number or 0
+        return [(following - 1 - k) & PLACE for k in range(count)]
 
     def _is_said_by_two(self, sequence: int) -> bool:
         """Take a number that another message had just before; return whether a publisher begins."""
@@ -159,16 +160,16 @@ class SequenceCounter:
 
     def _tell_apart(self, gap: Gap) -> None:
         """Make two publishers of the one that spoke before a gap and now goes on there."""
-        assert self._next is not None
+        assert self.next_number is not None
         self.restarts += 1
         later_publisher = self.restarts
-        others = [*self._others, (self._next, self.publisher)]
+        others = [*self._others, (self.next_number, self.publisher)]
         self._others = [
             (n, later_publisher if publisher == gap.publisher else publisher)
             for n, publisher in others
         ]
         self._others = self._others[-MOST_OTHER_PUBLISHERS:]
-        self._next, self.publisher = gap.expected + 1, gap.publisher
+        self.next_number, self.publisher = gap.expected + 1, gap.publisher
         before_gap = range(gap.expected, gap.sequence)
         self._missing = {number for number in self._missing if number not in before_gap}
         self.lost -= gap.lost
@@ -177,8 +178,8 @@ class SequenceCounter:
 
     def _turn_to_closest(self, sequence: int) -> None:
         """Make the present one who would say this next, or else follows it most closely."""
-        assert self._next is not None
-        present = self._next, self.publisher
+        assert self.next_number is not None
+        present = self.next_number, self.publisher
         candidates = [other for other in (*self._others, present) if other[0] - 1 <= sequence]
         if not candidates:
             return
@@ -186,7 +187,7 @@ class SequenceCounter:
         if closest != present:
             self._others = [other for other in self._others if other != closest]
             self._others.append(present)
-            self._next, self.publisher = closest
+            self.next_number, self.publisher = closest
 
 
 def _remoteness(ahead: int, publisher: int) -> tuple[int, int, int]:

@@ -49,6 +49,7 @@ class Health:
     def __init__(self, settings: MotorLoop, fastest_rad_per_s: float) -> None:
         health = settings.health
         self._timeout_us = health.encoder_timeout_s * US_PER_S
+        self._oldest_us = min(OLDEST_US, self._timeout_us)
         self._battery_low_v = health.battery_low_v
         self._battery_us = health.battery_s * US_PER_S
         self._stuck_duty = health.stuck_duty
@@ -66,10 +67,16 @@ class Health:
     def reset(self, follow_us: int = 0) -> None:
         """Forget the past; for ``follow_us`` no wheel is expected to do what its motor is told."""
         self._follow_us = follow_us
-        self._good_since_us: list[int | None] = [None] * FAULTS
-        self._efforts_us = [0.0, 0.0]
+        self._all_good_us: int | None = None
+        self._settle()
         for wheel in self._wheels:
             wheel.reset()
+
+    def _settle(self) -> None:
+        """Forget what was doubted."""
+        self._in_doubt = False
+        self._good_since_us: list[int | None] = [None] * FAULTS
+        self._efforts_us = [0.0, 0.0]
 
     def hears(self, encoder_us: int | None, now_us: int) -> bool:
         """Return whether the newest encoder message is young enough to drive by."""
@@ -102,11 +109,9 @@ class Health:
             Wheel speeds that the last tick was to bring (rad/s), (left, right).
         """
         before_us, self._checked_us = self._checked_us, now_us
-        # A clock that is set makes no time pass.
-        passed_us = 0 if before_us is None else min(OLDEST_US, max(0, now_us - before_us))
-        silent = not self.hears(encoder_us, now_us) and any(duties)
         low = battery_v is not None and battery_v < self._battery_low_v
-        fresh = encoder_us is not None and is_current(encoder_us, now_us, OLDEST_US)
+        fresh = encoder_us is not None and is_current(encoder_us, now_us, self._oldest_us)
+        silent = not fresh and not self.hears(encoder_us, now_us) and any(duties)
         if fresh and encoder_us is not None and encoder_us != self._read_us:
             fault = self._contradiction(encoder_us, duties, speeds, setpoints)
             if fault:
@@ -114,9 +119,13 @@ class Health:
         left_idle = fresh and speeds[LEFT] == 0.0 and abs(duties[LEFT]) > self._stuck_duty
         right_idle = fresh and speeds[RIGHT] == 0.0 and abs(duties[RIGHT]) > self._stuck_duty
         if not (silent or low or left_idle or right_idle):
-            self._good_since_us = [now_us] * FAULTS
-            self._efforts_us = [0.0, 0.0]
+            self._all_good_us = now_us
+            if self._in_doubt:
+                self._settle()
             return NO_FAULT
+        self._in_doubt = True
+        # A clock that is set makes no time pass.
+        passed_us = 0 if before_us is None else min(OLDEST_US, max(0, now_us - before_us))
         findings = (
             (Fault.ENCODERS_SILENT, silent, 0.0),
             (Fault.BATTERY_LOW, low, self._battery_us),
@@ -124,7 +133,7 @@ class Health:
             (Fault.RIGHT_WHEEL_STUCK, self._is_strained(RIGHT, right_idle, duties, passed_us), 0.0),
         )
         for fault, bad, patience_us in findings:
-            since_us = self._good_since_us[fault]
+            since_us = self._good_since_us[fault] or self._all_good_us
             # A clock that was set back must not lengthen the patience.
             if not bad or since_us is None or since_us > now_us:
                 since_us = self._good_since_us[fault] = now_us

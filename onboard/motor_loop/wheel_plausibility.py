@@ -100,8 +100,13 @@ class WheelPlausibility:
         elif push > 0.0 and size > abs(setpoint) + self._fastest:
             contradiction = Contradiction.TOO_FAST
         else:
-            self._obeys()
-            return self._behind(duty, setpoint, size, passed_s)
+            if self._bound != math.inf:
+                self._obeys()
+            if -1.0 < duty < 1.0:
+                if self._best != -math.inf:
+                    self._keeps_up()
+                return None
+            return self._behind(setpoint, size, passed_s)
         self._keeps_up()
         bound = min(self._bound, size)
         self._bound = bound * (1.0 - passed_s / RUN_OUT_S)
@@ -112,10 +117,9 @@ class WheelPlausibility:
         )
         return contradiction if self._doubt >= 1.0 else None
 
-    def _behind(
-        self, duty: float, setpoint: float, size: float, passed_s: float
-    ) -> Contradiction | None:
-        if abs(duty) < 1.0 or size >= MUCH_SLOWER * abs(setpoint):
+    def _behind(self, setpoint: float, size: float, passed_s: float) -> Contradiction | None:
+        """Judge a wheel at full duty."""
+        if size >= MUCH_SLOWER * abs(setpoint):
             self._keeps_up()
         elif size > self._best + self._noise:
             self._best, self._behind_s = size, 0.0
