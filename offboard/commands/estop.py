@@ -76,11 +76,12 @@ def _order_all(listener: Listener, lab: LabConfig, *, release: bool) -> None:
     listener.overhear(heard.take)
     obeyed = _give_orders(listener, heard, lab.robot.name, release=release)
     now_us = listener.now_us()
-    # Who is heard for the first time now, or is a replay no more, was given no order.
-    live = [name for name in heard.live(now_us) if name in obeyed]
+    # Who is heard for the first time now, or is a replay no more, was given no order. Who has
+    # obeyed is no log, however wrong the clock here is.
+    live = [name for name in obeyed if obeyed[name] or name in heard.live(now_us)]
     nobody = "" if live else "no robot was heard, and "
     live = live or [lab.robot.name]
-    for name in heard.replayed(now_us):
+    for name in sorted(set(heard.replayed(now_us)) - set(live)):
         err.print(one_line(f"{name}: a log that is sent again; nobody is there to obey"))
     if not release and any(obeyed.get(name) for name in live):
         err.print("`klab estop --all --release` releases them")

@@ -21,6 +21,7 @@ SETTLED_S = 0.5
 OLDEST_PICTURE_S = 2.0
 """Whoever steers must have seen the lab as it is; STOP is always obeyed."""
 
+A_REPLAY = "this is a replay, or this computer's clock is wrong; a log cannot be steered"
 Reply = Callable[[bool, str], None]
 """Told whether an order was obeyed, and what to say of it."""
 
@@ -106,8 +107,13 @@ class OperatorDesk:
                 del self._orders[key]
             self._armed_us.pop(armed, None)
             order = stop_order(lambda: robot.status(self.now_us()), release=False)
-            self._begin(robot.name, STOP, order, reply, "STOP")
-        elif request.do == ARM:
+            if not robot.replayed(now_us) or robot.alive(now_us):
+                self._begin(robot.name, STOP, order, reply, "STOP")
+                return
+            # Where the clock here is wrong, a robot looks like a log, and may well obey.
+            self._begin(robot.name, STOP, order, _only_good(reply), "STOP")
+            raise LabStateError(f"{robot.name}: {A_REPLAY}; STOP was sent all the same")
+        if request.do == ARM:
             self._armed_us[armed] = now_us
             reply(True, f"{robot.name}: confirm the release within {ARMED_S:g} s")
         elif request.do == RELEASE:
@@ -146,10 +152,10 @@ class OperatorDesk:
         if robot is None:
             known = ", ".join(sorted(self.view.robots)) or "none"
             raise LabStateError(f"{name[:32]!r}: no such robot; heard so far: {known}")
-        if stopping and (robot.alive(now_us) or not robot.replayed(now_us)):
+        if stopping:
             return robot  # also where it is silent: it may still hear, and move
         if robot.replayed(now_us):
-            raise LabStateError(f"{name}: this is a replay; a log cannot be steered")
+            raise LabStateError(f"{name}: {A_REPLAY}")
         if not robot.alive(now_us):
             raise LabStateError(f"{name}: nobody speaks for this robot")
         return robot
@@ -159,3 +165,8 @@ class OperatorDesk:
         if publisher is None:
             publisher = self._publishers[name] = self._listener.speaking_to(name)
         return publisher
+
+
+def _only_good(reply: Reply) -> Reply:
+    """Return a reply that says nothing of an order that nobody obeys."""
+    return lambda good, said: reply(good, said) if good else None

@@ -1,5 +1,8 @@
 """Orders to every robot on a bus, over real UDP."""
 
+import subprocess
+import sys
+
 import pytest
 from klab import alive, klab, start_klab
 from real_bus import Ear
@@ -25,6 +28,17 @@ def robots(bus_url, tmp_path, monkeypatch):
         for process, _ in started.values():
             process.terminate()
             process.communicate(timeout=60)
+
+
+def klab_with_clock(ahead_s, *arguments):
+    """Run a command on a computer whose clock is set wrong."""
+    ahead = (
+        "import sys, time; right = time.time_ns; "
+        f"time.time_ns = lambda: right() + {ahead_s} * 10**9; "
+        "from offboard.cli.main import main; main()"
+    )
+    command = [sys.executable, "-c", ahead, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
 
 
 def wait_for_states(robots, *states):
@@ -64,6 +78,21 @@ def test_all_are_stopped_released_and_brought_down_by_name(robots, bus_url, tmp_
         process.communicate(timeout=60)
         assert process.returncode == 130
         assert not any(map(alive, ear.pids.values()))
+
+
+@pytest.mark.parametrize("ahead_s", [-3600, 10])
+def test_a_desk_whose_clock_is_wrong_stops_and_releases(robots, ahead_s):
+    """To it all that is said looks like a log; the robots know which stop is meant."""
+    for arguments, said in (
+        (("--all",), {"R1: stopped", "R2: stopped", "`klab estop --all --release` releases them"}),
+        (("--all", "--release"), {"R1: released", "R2: released"}),
+        (("--robot-name", "R2"), {"stopped; `klab estop --release` releases it"}),
+        (("--robot-name", "R2", "--release"), {"released"}),
+    ):
+        done = klab_with_clock(ahead_s, "estop", *arguments)
+        assert done.returncode == 0, done.stderr
+        assert set(done.stderr.splitlines()) == said
+    wait_for_states(robots, STATUS.REST)
 
 
 def test_two_labs_go_down_at_the_same_time(robots):

@@ -246,7 +246,22 @@ def test_a_replay_cannot_be_steered(served):
     with bench.page() as socket:
         robot = bench.until(socket, lambda robot: robot["replay"])
         assert not robot["steerable"]
-        for do in ("stop", "arm", "goal"):
+        for do in ("arm", "goal", "release"):
             answer = bench.ask(socket, do=do, x1_m=0.0, x2_m=0.0, theta_rad=0.0)
             assert "replay" in answer["said"]
     assert not bench.stops
+
+
+def test_a_robot_that_looks_like_a_replay_hears_the_stop_all_the_same(served):
+    """Its clock is right, and that of the page is wrong: it obeys, and the page says so."""
+    bench = Bench(*served, name="R3")
+    bench.late_us = 10_000_000
+    with bench.page() as socket:
+        bench.until(socket, lambda robot: robot["replay"])
+        answers = [bench.ask(socket, do="stop")["said"]]
+        assert "STOP was sent all the same" in answers[0]
+        while "STOP confirmed" not in answers[-1]:
+            bench.speak()
+            answers.append(json.loads(socket.recv(LIMIT_S)).get("said", ""))
+        assert len(answers) < MOST_TRIES
+    assert all(stop.engaged for stop in bench.stops)
