@@ -135,7 +135,8 @@ def _windows(utime_us: Times, track: Indices) -> tuple[Indices, Indices]:
     """Return the first and the last frame of windows, each of successive frames of one track."""
     window_us, hop_us = round(WINDOW_S * US_PER_S), round(HOP_S * US_PER_S)
     shortest_us = round(SHORTEST_WINDOW_S * US_PER_S)
-    breaks = 1 + np.flatnonzero(track[1:] != track[:-1])
+    pause = np.diff(utime_us) > window_us
+    breaks = 1 + np.flatnonzero((track[1:] != track[:-1]) | pause)
     firsts = np.concatenate([[0], breaks])
     lasts = np.concatenate([breaks, [len(utime_us)]]) - 1
     pairs = [np.zeros((0, 2), np.intp)]
