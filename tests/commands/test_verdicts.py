@@ -4,7 +4,7 @@ import json
 import shutil
 
 import pytest
-from klab import MODEL, klab, klab_json, klab_ok
+from klab import OLDER, klab, klab_json, klab_ok
 from lying_cameras import lying_log
 
 from koopman_lab.koopman.bilinear_model import BilinearModel
@@ -223,12 +223,12 @@ def test_a_wheel_of_another_size_than_stated_is_named(tmp_path):
 
 
 def test_a_model_of_the_version_before_parks_without_a_word(tmp_path):
-    assert "verdict" not in BilinearModel.load(MODEL).metadata
-    done = klab("park", "--model", MODEL, *SHORT_PARK, "--out", tmp_path / "park")
+    assert "verdict" not in BilinearModel.load(OLDER / "model.npz").metadata
+    done = klab("park", "--model", OLDER / "model.npz", *SHORT_PARK, "--out", tmp_path / "park")
     assert done.returncode == 1
     assert "not parked (not parked after" in done.stderr
     assert "model:" not in done.stderr
-    assert klab_ok("model", "info", MODEL).endswith("model: good\n")
+    assert klab_ok("model", "info", OLDER / "model.npz").endswith("model: good\n")
 
 
 def test_a_paper_s_dictionary_that_is_merely_poor_drives_with_a_warning(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ideal_data import ideal_dataset
-from klab import MODEL
+from klab import OLDER
 from misregistration import back_in_time, exchanged_inputs, misregistered, noisy
 from stranger_models import Gains
 
@@ -41,7 +41,7 @@ def test_a_model_of_right_data_is_good(kind, dictionary, combination):
 
 
 def test_the_reference_model_of_an_older_version_is_good():
-    model = BilinearModel.load(MODEL)
+    model = BilinearModel.load(OLDER / "model.npz")
     assert "verdict" not in model.metadata
     assert model_verdict(model).level == "good"
 
