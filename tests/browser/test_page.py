@@ -8,7 +8,7 @@ import socket
 import subprocess
 
 import pytest
-from klab import KLAB, MODEL, REFERENCE, start_klab
+from klab import KLAB, MODEL, REFERENCE, alive, start_klab
 from playwright.sync_api import expect
 from real_bus import other
 
@@ -310,6 +310,11 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(opened,
     )
     expect(page.locator("#banners")).to_contain_text("no connection", timeout=PATIENCE_MS)
     expect(page.locator("body")).to_have_class("lost")
+    # It closes its connections before it leaves its port to the next.
+    for _ in range(round(PATIENCE_MS * 1e-3 / WAIT_S)):
+        if not alive(server[-1]):
+            break
+        bus.spin(WAIT_S)
     # A page that finds its server again shows nothing of a lab that is there no more.
     port = address.rstrip("/").rpartition(":")[2]
     viewer = start_klab("view", "--port", port, "--url", other(os.environ["LCM_DEFAULT_URL"]))
