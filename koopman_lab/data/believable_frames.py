@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from koopman_lab.data.called_for_motion import CalledForMotion
 from koopman_lab.data.message_arrays import StructuredArray
 from koopman_lab.data.motion_agreement import NOTHING_COMPARED, Agreement, compare_motion
-from koopman_lab.data.pose_tracks import Reach, jumps, tracks
+from koopman_lab.data.pose_tracks import jumps, tracks
 from koopman_lab.data.segments import Run
 from koopman_lab.geometry.planar import wrap_angle
+from koopman_lab.geometry.reach import Reach
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]

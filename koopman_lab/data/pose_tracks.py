@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.geometry.planar import wrap_angle
+from koopman_lab.geometry.reach import Reach
 from koopman_lab.units import US_PER_S
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-MARGIN = 1.5
-"""Assumption: a body may be so much faster than its limit, as set-points overshoot."""
 LONGEST_ABSENCE_S = 1.0
 """So long a track may be away; whoever is away for longer may have been carried."""
 MOST_TRACKS = 32
@@ -31,21 +30,6 @@ USUAL_STEPS = 10.0
 """A step of so many usual ones, in which the cameras' noise shows, is no jump."""
 SLACK_M, SLACK_RAD = (0.01, 0.05), (0.05, 0.5)
 """Assumption: bounds of what noise may add to a step; 0.6 mm and 0.15 deg in preset `harsh`."""
-
-
-class Reach(NamedTuple):
-    """How far a body can get: speeds (m/s, rad/s), and what noise adds (m, rad)."""
-
-    v_m_per_s: float
-    omega_rad_per_s: float
-    slack_m: float
-    slack_rad: float
-
-    def allows(self, time_s: Array, way_m: Array, turn_rad: Array) -> Mask:
-        """Return whether steps (k,) of a length and a turn are possible in a time."""
-        far = way_m <= MARGIN * self.v_m_per_s * time_s + self.slack_m
-        turned = turn_rad <= MARGIN * self.omega_rad_per_s * time_s + self.slack_rad
-        return np.asarray(far & turned)
 
 
 class Tracks(NamedTuple):
@@ -67,7 +51,8 @@ def reach_of(utime_us: Times, poses: Array, v_m_per_s: float, omega_rad_per_s: f
 
 def jumps(utime_us: Times, poses: Array, reach: Reach) -> Mask:
     """Return whether each frame but the first (N - 1,) cannot follow the one before."""
-    return ~reach.allows(*_steps(utime_us, poses))
+    possible: Mask = np.asarray(reach.allows(*_steps(utime_us, poses)), bool)
+    return ~possible
 
 
 def tracks(utime_us: Times, poses: Array, reach: Reach) -> Tracks:

@@ -79,13 +79,11 @@ class ControllerNode:
         """Register channels and timers."""
         self._port = port
         self._commands = Commands(port, self._config, self.name)
-        self.guard = Guard(
-            self._config, self._config.controller.tracking_timeout_s, lever_m=MARKER_M
-        )
+        timeout_s = self._config.controller.tracking_timeout_s
         self._inputs = DriveInputs(
             port,
             self._config,
-            self.guard,
+            Guard(self._config, timeout_s, lever_m=MARKER_M),
             self._commands.number,
             marker_offset=self.marker_offset,
         )

@@ -104,11 +104,9 @@ class DriveInputs:
             self.valid_frames = sum(message.tracking_valid for message in poses)
         self.frame = self.guard.see_frames(self._newest_first(), now_us, driving=driving)
         poses.clear()
-        self.interlock = (
-            self._silence(now_us)
-            or self._second_publisher(now_us)
-            or self.guard.interlock(now_us, driving=driving)
-        )
+        # Asked in any case: from it the guard knows when a drive begins and ends.
+        motion = self.guard.interlock(now_us, driving=driving)
+        self.interlock = self._silence(now_us) or self._second_publisher(now_us) or motion
         if self.interlock is None and self._stream is not None:
             complaint = self._stream.complaint()
             if complaint is not None:

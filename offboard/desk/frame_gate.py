@@ -8,12 +8,11 @@ from collections.abc import Iterable
 from koopman_lab.bus.age import is_current, is_fresh
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose, Velocity, wrap_angle
+from koopman_lab.geometry.reach import Reach
 from koopman_lab.units import US_PER_S
 from offboard.desk.interlock import Cause, Interlock
 from offboard.desk.measurements import Frame
 
-HASTE = 1.5
-"""A robot that slips or runs downhill is at most so many times as fast as it may be."""
 STRAY_M, STRAY_RAD = 0.05, 0.2
 """Poses of a robot that stands stray less, whatever the cameras."""
 SETTLED_S = 0.3
@@ -46,15 +45,13 @@ class FrameGate:
         limits = config.motor_loop.limits
         # The tracked point may sit as far from the axle's middle as a wheel does.
         lever_m = config.robot.track_width_m
-        self._m_per_s = HASTE * (limits.v_m_per_s + lever_m * limits.omega_rad_per_s)
-        self._rad_per_s = HASTE * limits.omega_rad_per_s
+        v_m_per_s = limits.v_m_per_s + lever_m * limits.omega_rad_per_s
+        self._reach = Reach(v_m_per_s, limits.omega_rad_per_s, STRAY_M, STRAY_RAD)
         self._timeout_us = round(timeout_s * US_PER_S)
         self.believed: Frame | None = None
         """The newest frame that can be believed."""
         self.relocated = False
         """Whether the newest believed frame shows the robot somewhere else than those before."""
-        self.strayed = 0
-        """Number of control steps in which the robot was seen where it cannot be."""
         self._believed_at_us = 0
         self._settled_us: int | None = None
         self._elsewhere: Frame | None = None
@@ -114,12 +111,6 @@ class FrameGate:
         sees = self._sees if heard else NO_FRAMES
         return Interlock(f"tracking lost: {sees}", cause=Cause.TRACKING)
 
-    def restart(self) -> None:
-        """Forget where the robot was: somebody places it."""
-        self.believed = self._elsewhere = self._settled_us = None
-        self._moved = ""
-        self._frozen_m = self._frozen_rad = 0.0
-
     def _is_usable(self, frame: Frame, now_us: int) -> bool:
         if not frame.valid:
             self._sees = "the cameras do not see the robot"
@@ -140,7 +131,6 @@ class FrameGate:
         if before is None or self._reaches(before, frame):
             self._elsewhere = None
             return True
-        self.strayed += 1
         if self._elsewhere is None or not self._reaches(self._elsewhere, frame):
             self._elsewhere_since_us = now_us
         self._elsewhere = frame
@@ -159,10 +149,8 @@ class FrameGate:
     def _reaches(self, before: Frame, after: Frame) -> bool:
         passed_s = (after.utime - before.utime) / US_PER_S
         (x1, x2, theta), (y1, y2, eta) = before.pose, after.pose
-        return (
-            math.hypot(y1 - x1, y2 - x2) <= STRAY_M + self._m_per_s * passed_s
-            and abs(wrap_angle(eta - theta)) <= STRAY_RAD + self._rad_per_s * passed_s
-        )
+        way_m, turn_rad = math.hypot(y1 - x1, y2 - x2), abs(wrap_angle(eta - theta))
+        return bool(self._reach.allows(passed_s, way_m, turn_rad))
 
     def _note_frozen(self, frame: Frame, rolled: Velocity) -> None:
         before = self.believed

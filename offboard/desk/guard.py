@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from koopman_lab.bus.age import is_current
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import REST, Velocity
 from koopman_lab.robots.table import robot_type
@@ -21,6 +22,8 @@ from offboard.desk.motion_check import MotionCheck
 
 SHORTEST_STEP_US = 20_000
 """Over less a speed is noise."""
+OLDEST_WHEELS_US = 500_000
+"""An older speed of the wheels says nothing of now."""
 
 
 class Guard:
@@ -53,27 +56,18 @@ class Guard:
             None if robot_type(config.robot.kind).drive is None else MotionCheck(config, lever_m)
         )
         self._rolled = REST
-        self._wheel_m_per_s = self._seen_m_per_s = 0.0
-
-    @property
-    def believed(self) -> Frame | None:
-        """Return the newest frame that could be believed."""
-        return self._gate.believed
+        self._wheels: WheelSpeeds | None = None
+        self._seen_m_per_s = 0.0
 
     def tracked(self, now_us: int) -> Frame | None:
         """Return the newest frame that could be believed, None while tracking is lost."""
         return None if self._gate.interlock(now_us) else self._gate.believed
 
-    @property
-    def strayed(self) -> int:
-        """Return in how many control steps the robot was seen where it cannot be."""
-        return self._gate.strayed
-
     def see_wheels(self, wheels: WheelSpeeds) -> None:
         """Take wheel odometry."""
         if not all(map(math.isfinite, wheels.velocity)):
             return
-        self._wheel_m_per_s = wheels.velocity.v
+        self._wheels = wheels
         if self._check is not None:
             rolled = self._check.see_wheels(wheels)
             self._rolled = Velocity(self._rolled.v + rolled.v, self._rolled.omega + rolled.omega)
@@ -113,17 +107,13 @@ class Guard:
         frame = self._gate.believed
         if interlock is not None or frame is None:
             return interlock
-        # Wheels may lie, and cameras be late: the faster of both counts.
-        fastest = max(self._wheel_m_per_s, self._seen_m_per_s, key=abs)
-        return self._floor.interlock(frame.pose, fastest)
-
-    def restart(self) -> None:
-        """Forget what was seen: somebody places the robot."""
-        self._gate.restart()
-        if self._check is not None:
-            self._check.restart()
-        self._rolled = REST
-        self._wheel_m_per_s = self._seen_m_per_s = 0.0
+        # Wheels may lie, and cameras be late: it must be able to stop by either.
+        by_wheels = 0.0
+        if self._wheels is not None and is_current(self._wheels.utime, now_us, OLDEST_WHEELS_US):
+            by_wheels = self._wheels.velocity.v
+        return self._floor.interlock(frame.pose, self._seen_m_per_s) or self._floor.interlock(
+            frame.pose, by_wheels
+        )
 
 
 def _forward_m_per_s(before: Frame, after: Frame) -> float:

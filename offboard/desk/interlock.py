@@ -18,6 +18,10 @@ class Cause(Enum):
     OTHER = "something else"
 
 
+TO_BE_MENDED = (Cause.MOTION, Cause.FLOOR)
+"""What ends a session while the robot is driven: nothing that passes, and no other's hold."""
+
+
 class Interlock(NamedTuple):
     """Something without which the robot must not be driven is missing.
 

@@ -12,6 +12,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+from koopman_lab.bus.age import is_current
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import REST, Velocity, wrap_angle
 from koopman_lab.units import US_PER_S
@@ -114,7 +115,7 @@ class MotionCheck:
         return Interlock(self._found, lasting=True, cause=Cause.MOTION)
 
     def restart(self) -> None:
-        """Forget all: the robot is placed anew."""
+        """Forget all: the robot is somewhere else."""
         self._seen.clear()
         self._rolled.clear()
         self._commanded.clear()
@@ -123,7 +124,7 @@ class MotionCheck:
         self._found = ""
 
     def _judge(self, now_us: int, since_us: int) -> None:
-        doubt = self._cameras_against_wheels(since_us) or self._wheels_against_commands(
+        doubt = self._cameras_against_wheels(since_us) or self._motion_against_commands(
             now_us, since_us
         )
         if not doubt:
@@ -147,24 +148,31 @@ class MotionCheck:
             self._lever_m,
         )
 
-    def _wheels_against_commands(self, now_us: int, since_us: int) -> str:
-        rolled, commanded = self._rolled.span_us, self._commanded
-        if rolled is None or not commanded:
+    def _motion_against_commands(self, now_us: int, since_us: int) -> str:
+        """Judge the motion of the wheels, or what the cameras see of it while no wheels speak."""
+        commanded = self._commanded
+        who, track, lever_m = WHEELS, self._rolled, 0.0
+        if track.span_us is None or not is_current(track.span_us[1], now_us, WINDOW_US):
+            who, track, lever_m = SEEN_ROBOT, self._seen, self._lever_m
+        span = track.span_us
+        if span is None or not is_current(span[1], now_us, WINDOW_US) or not commanded:
             return ""
-        start_us = max(rolled[0], since_us, rolled[1] - WINDOW_US)
-        if rolled[1] - start_us < SHORTEST_US:
+        start_us = max(span[0], since_us, span[1] - WINDOW_US)
+        if span[1] - start_us < SHORTEST_US:
             return ""
-        motion = self._rolled.between(start_us, rolled[1])
-        passed_s = (rolled[1] - start_us) / US_PER_S
+        motion, passed_s = track.between(start_us, span[1]), (span[1] - start_us) / US_PER_S
         whole = now_us - commanded[0].heard_us > 0.9 * COMMANDED_US and since_us < (
             now_us - COMMANDED_US
         )
         v = [c.velocity.v for c in commanded]
         omega = [c.velocity.omega for c in commanded]
+        # A point beside the axle's middle moves while the robot turns on the spot.
+        slack_m_per_s = COMMANDED_M_PER_S + lever_m * max(map(abs, omega))
         return _disobedience(
-            "roll", "m/s", motion.forward_m / passed_s, v, COMMANDED_M_PER_S, whole=whole
+            who, "roll", "m/s", motion.forward_m / passed_s, v, slack_m_per_s, whole=whole
         ) or _disobedience(
-            "turn", "rad/s", motion.turned_rad / passed_s, omega, COMMANDED_RAD_PER_S, whole=whole
+            *(who, "turn", "rad/s", motion.turned_rad / passed_s, omega, COMMANDED_RAD_PER_S),
+            whole=whole,
         )
 
 
@@ -259,21 +267,43 @@ def _text(motion: Motion) -> str:
 
 
 def _disobedience(
-    verb: str, unit: str, mean: float, setpoints: list[float], extra: float, *, whole: bool
+    who: Source,
+    verb: str,
+    unit: str,
+    mean: float,
+    setpoints: list[float],
+    extra: float,
+    *,
+    whole: bool,
 ) -> str:
-    """Return in words how a mean speed of the wheels contradicts all set-points of late."""
+    """Return in words how a mean speed contradicts all set-points of late; empty if it does not."""
     low, high = min(setpoints), max(setpoints)
     slack = extra + COMMANDED_SHARE * max(abs(low), abs(high))
+    said = f"{who.name} {verb} at {mean:.2f} {unit}, commanded were {low:.2f} to {high:.2f}; check "
     if not min(low, 0.0) - slack <= mean <= max(high, 0.0) + slack:
-        return (
-            f"the wheels {verb} at {mean:.2f} {unit}, commanded were {low:.2f} to {high:.2f}; "
-            "check whether motors or encoders are exchanged or reversed, then "
-            "motor_loop.encoder_counts_per_rev"
-        )
+        return f"{said}{who.wrong}"
     least = low if low > 0.0 else -high if high < 0.0 else 0.0
     if whole and least > extra and abs(mean) < FOLLOWS_SHARE * least:
-        return (
-            f"the wheels {verb} at {mean:.2f} {unit}, commanded were {low:.2f} to {high:.2f}; "
-            "check whether the motors have power and the encoders count"
-        )
+        return f"{said}{who.still}"
     return ""
+
+
+class Source(NamedTuple):
+    """What tells of motion, and what to check if it tells of another or of none."""
+
+    name: str
+    wrong: str
+    still: str
+
+
+WHEELS = Source(
+    "the wheels",
+    "whether motors or encoders are exchanged or reversed, then motor_loop.encoder_counts_per_rev",
+    "whether the motors have power and the encoders count",
+)
+SEEN_ROBOT = Source(
+    "as the cameras see it, and no wheels speak, the robot",
+    "the axes of the cameras' frame, its handedness, the orientation of the rigid body, then "
+    "whether wheels are exchanged or reversed",
+    "whether the motors have power, and whether another body is tracked",
+)

@@ -23,8 +23,6 @@ PATIENCE_S = 3.0
 """For a person who has just stopped the robot, and releases it again."""
 START_LIMIT_S = 30.0
 """In which a node finds everything that it needs, and begins."""
-READY_LIMIT_S = START_LIMIT_S
-"""In which what forbids driving has passed."""
 REPORT_S = 2.0
 """In which a controller that gives a silent robot up says so itself."""
 
@@ -127,7 +125,7 @@ class StartWatch:
         if self._begun_us is None:
             self._begun_us = now_us
         since_ready_us = 0 if self._obstacle_us is None else now_us - self._obstacle_us
-        late = now_us - self._begun_us > self._limit_us or since_ready_us > READY_LIMIT_S * US_PER_S
+        late = now_us - self._begun_us > self._limit_us or since_ready_us > START_LIMIT_S * US_PER_S
         if late and not self.begun:
             sees = f"; it sees: {self._obstacle}" if self._obstacle else ""
             raise LabStateError(f"{self._message}{sees}")

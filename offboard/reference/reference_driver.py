@@ -10,7 +10,7 @@ from typing import NamedTuple
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose
 from koopman_lab.units import US_PER_S
-from offboard.desk.interlock import Interlock
+from offboard.desk.interlock import TO_BE_MENDED, Interlock
 from offboard.desk.placing import stands_at
 
 ASK_AGAIN_S = 1.0
@@ -134,7 +134,8 @@ class ReferenceDriver:
             self.done += 1
         elif seen.interlock is not None:
             self.repeated[seen.interlock.reason] += 1
-            self.reason = seen.interlock.reason if seen.interlock.lasting else ""
+            if seen.interlock.cause in TO_BE_MENDED:
+                self.reason = seen.interlock.reason
         elif not seen.holding:
             self.repeated["robot taken away"] += 1
         else:

@@ -10,7 +10,7 @@ from koopman_lab.geometry.planar import REST, Pose, Velocity, wrap_angle
 from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 from offboard.desk.floor import excess_m
-from offboard.desk.interlock import Cause, Interlock
+from offboard.desk.interlock import TO_BE_MENDED, Cause, Interlock
 from offboard.sampler.plan import Draw, Launch, Planner, contains
 from offboard.sampler.profile import clip, slew, stopping_speed
 from offboard.sampler.redraws import Redraw, Redraws, redraw_of
@@ -27,8 +27,6 @@ STEERING_DISTANCE_M = 0.1
 STRAY_M = 0.05
 """A run ends where it leaves Z, then the robot brakes; from there it may come back."""
 ON_THE_WAY = (Phase.ROTATE_TO_TARGET, Phase.DRIVE, Phase.ROTATE_TO_HEADING, Phase.SETTLE)
-TO_BE_MENDED = (Cause.MOTION, Cause.FLOOR)
-"""What ends the session while the robot is driven: nothing that passes, and no commander's hold."""
 UNSEEN = Interlock("tracking lost", cause=Cause.TRACKING)
 
 

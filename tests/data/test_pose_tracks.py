@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from koopman_lab.data.pose_tracks import SLACK_M, SLACK_RAD, Reach, jumps, reach_of, tracks
+from koopman_lab.data.pose_tracks import SLACK_M, SLACK_RAD, jumps, reach_of, tracks
+from koopman_lab.geometry.reach import Reach
 
 RATE_HZ, V, OMEGA = 240.0, 0.6, 3.0
 REACH = Reach(V, OMEGA, SLACK_M[0], SLACK_RAD[0])

@@ -8,7 +8,6 @@ from koopman_lab.config.load import load_config
 from koopman_lab.errors import LabStateError
 from offboard.lab.session_watch import (
     PATIENCE_S,
-    READY_LIMIT_S,
     START_LIMIT_S,
     RobotWatch,
     StartWatch,
@@ -76,8 +75,8 @@ def test_who_says_what_it_waits_for_is_waited_for_no_longer_than_others():
     watch = StartWatch("controller", "cameras", limit_s=90.0)
     watch.check(0)
     watch.hear("R1_MOCAP_POSE: 2 publishers", 5_000_000)
-    watch.check(5_000_000 + round(READY_LIMIT_S * 1e6))
+    watch.check(5_000_000 + round(START_LIMIT_S * 1e6))
     with pytest.raises(LabStateError, match="it sees: R1_MOCAP_POSE: 2 publishers"):
-        watch.check(5_100_000 + round(READY_LIMIT_S * 1e6))
+        watch.check(5_100_000 + round(START_LIMIT_S * 1e6))
     watch.begun = True
     watch.check(80_000_000)

@@ -4,7 +4,7 @@ import pytest
 
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import Pose
-from offboard.desk.interlock import Cause, Interlock
+from offboard.desk.interlock import TO_BE_MENDED, Cause, Interlock
 from offboard.reference.reference_driver import Observation, Phase, ReferenceDriver
 
 START = Pose(0.7, 0.1, -0.8)
@@ -105,3 +105,16 @@ def test_a_run_that_is_cut_off_is_driven_again(lost):
     assert sum(robot.driver.repeated.values()) == 1
     assert [a.step for a in robot.actions if a.phase is Phase.RUN and a.run == 1] == [0, 1, 2]
     assert (robot.driver.done, robot.driver.begun) == (1, 2)
+
+
+@pytest.mark.parametrize("cause", list(Cause))
+@pytest.mark.parametrize("lasting", [False, True])
+def test_only_what_must_be_mended_ends_the_session(cause, lasting):
+    robot = Robot(runs=1)
+    robot.until(Phase.RUN)
+    robot.interlock = Interlock("a reason", lasting=lasting, cause=cause)
+    robot.tick()
+    robot.interlock = None
+    robot.until(Phase.DONE)
+    ended = cause in TO_BE_MENDED
+    assert (robot.driver.done, robot.driver.reason) == ((0, "a reason") if ended else (1, ""))
