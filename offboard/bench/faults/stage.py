@@ -158,6 +158,8 @@ class Stage:
         self.witness = Witness()
         self.message = ""
         """The message with which the session ended."""
+        self.ended_us: int | None = None
+        """When it did."""
         self.states: list[str] = []
         """Of the motor loop, one after another."""
         prediction = NominalPrediction(config.robot.kind, config.controller.dt_s)
@@ -251,7 +253,8 @@ class Stage:
         return drive.reason if drive.state is State.WAIT else ""
 
     def _end(self, commander: KillableNode, message: str) -> None:
-        self.message = self.message or message
+        if self.ended_us is None:
+            self.message, self.ended_us = message, self.lab.now_us
         commander.close()
 
     def _outcome(self) -> str:
