@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from koopman_lab.config.schema import LabConfig
 from offboard.bench.driven_lab import drive
+from offboard.bench.process_cost import cpu_time_s
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -94,9 +94,9 @@ def measure(
         try:
             start_missing(lab, set(), folder)
             processes = {OURS: lab.process("logger"), THEIRS: peer.pid}
-            before = {name: _cpu_s(pid) for name, pid in processes.items()}
+            before = {name: cpu_time_s(pid) for name, pid in processes.items()}
             drive(lab, config, folder, listener, seconds, report)
-            used = {name: _cpu_s(pid) - before[name] for name, pid in processes.items()}
+            used = {name: cpu_time_s(pid) - before[name] for name, pid in processes.items()}
             memory = {name: _memory_mb(pid) for name, pid in processes.items()}
         finally:
             peer.terminate()
@@ -138,12 +138,6 @@ def _row(log: Path, config: LabConfig, cpu_share: float, memory_mb: float) -> Ro
         cpu_share,
         memory_mb,
     )
-
-
-def _cpu_s(pid: int) -> float:
-    """Return the CPU time of a process (s)."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _memory_mb(pid: int) -> float:

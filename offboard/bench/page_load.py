@@ -19,6 +19,7 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from offboard.bench.browser import browser, visit
 from offboard.bench.driven_lab import drive
+from offboard.bench.process_cost import cpu_time_s
 from offboard.commands.view import HOST, free_port
 from offboard.lab.python_process import module_command
 
@@ -171,7 +172,8 @@ class _Meter:
     def begin(self, pid: int, now_s: float) -> None:
         self.begun = True
         self._process = Path(f"/proc/{pid}")
-        self._began_s, self._cpu_s, self._due_s = now_s, self._used_s(), now_s
+        self._pid = pid
+        self._began_s, self._cpu_s, self._due_s = now_s, cpu_time_s(pid), now_s
 
     def look(self, now_s: float) -> None:
         if self.begun and now_s >= self._due_s:
@@ -183,11 +185,7 @@ class _Meter:
         """Return the share of one core since the beginning."""
         self._due_s = now_s
         self.look(now_s)
-        return (self._used_s() - self._cpu_s) / (now_s - self._began_s)
-
-    def _used_s(self) -> float:
-        fields = (self._process / "stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        return (cpu_time_s(self._pid) - self._cpu_s) / (now_s - self._began_s)
 
 
 @contextlib.contextmanager

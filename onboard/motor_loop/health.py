@@ -10,9 +10,9 @@ from koopman_lab.bus.replay_guard import SILENCE_US
 from koopman_lab.config.motor_loop import MotorLoop
 from koopman_lab.geometry.planar import TAU
 from koopman_lab.units import US_PER_S
+from onboard.motor_loop.wheel_pair import LEFT, RIGHT, WheelPairPlausibility
 from onboard.motor_loop.wheel_plausibility import Contradiction, WheelPlausibility
 
-LEFT, RIGHT = 0, 1
 OLDEST_US = 30_000
 """Counters that are older, three ticks, say nothing about a wheel."""
 FOLLOW_US = 2 * SILENCE_US
@@ -60,6 +60,7 @@ class Health:
             WheelPlausibility(one_count_rad_per_s, full_duty_rad_per_s, fastest_rad_per_s)
             for _ in (LEFT, RIGHT)
         )
+        self._pair = WheelPairPlausibility(one_count_rad_per_s)
         self._checked_us: int | None = None
         self._read_us: int | None = None
         self.reset()
@@ -69,8 +70,12 @@ class Health:
         self._follow_us = follow_us
         self._all_good_us: int | None = None
         self._settle()
+        self._forget_wheels()
+
+    def _forget_wheels(self) -> None:
         for wheel in self._wheels:
             wheel.reset()
+        self._pair.reset()
 
     def _settle(self) -> None:
         """Forget what was doubted."""
@@ -159,10 +164,12 @@ class Health:
         if regular:
             self._follow_us -= passed_us
         if not regular or self._follow_us > 0:
-            for wheel in self._wheels:
-                wheel.reset()
+            self._forget_wheels()
             return NO_FAULT
         passed_s = passed_us / US_PER_S
+        runaway = self._pair.judge(duties, setpoints, speeds, passed_s)
+        if runaway is not None:
+            return WHEEL_FAULTS[runaway, Contradiction.CONTRARY]
         for side in (LEFT, RIGHT):
             contradiction = self._wheels[side].judge(
                 duties[side], setpoints[side], speeds[side], passed_s

@@ -11,11 +11,12 @@ from koopman_lab.geometry.planar import REST, Velocity, body_velocity, wheel_spe
 from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
 from onboard.motor_loop.command_arbiter import Command, CommandArbiter, Intent, Refusal
-from onboard.motor_loop.health import FOLLOW_US, LEFT, NO_FAULT, OLDEST_US, RIGHT, Health
+from onboard.motor_loop.health import FOLLOW_US, NO_FAULT, OLDEST_US, Health
 from onboard.motor_loop.odometry import Odometry, Speeds
 from onboard.motor_loop.pid import WheelController
 from onboard.motor_loop.setpoint import Setpoint, approach, saturate
 from onboard.motor_loop.stop_latch import StopLatch
+from onboard.motor_loop.wheel_pair import LEFT, RIGHT
 
 Duties = tuple[float, float]
 NO_DUTY: Duties = (0.0, 0.0)

@@ -5,22 +5,11 @@ from __future__ import annotations
 import math
 from enum import Enum, auto
 
+from onboard.motor_loop.running_on import RunningOn, noise_rad_per_s
+
 MOST_OF_BELIEVED = 4.0
 """Assumption: no motor turns a wheel so many times as fast as feed-forward believes; preset `real`
 allows for twice as fast."""
-RUN_OUT_S = 0.6
-"""Assumption: every wheel that is driven less than its speed takes slows down with this time
-constant at least; twice the largest lag that the gains of preset `real` are made for."""
-MOST_TIME_S = 0.1
-MOST_EFFORT_S = 0.02
-"""Of |duty|, summed over time."""
-MOST_TURN_RAD = 0.5
-"""Time, effort and turn of the wheel, any of which suffices to be sure of a contradiction. Wheels
-that obey come to less than half of it: tests/onboard/test_wheels_that_obey.py."""
-COUNTS_OF_NOISE = 1.5
-"""Between two ticks a steady wheel's counts differ by one."""
-NOISE_RAD_PER_S = 0.4
-"""Assumption: a wheel runs no smoother, however fine its encoder is."""
 MOST_BEHIND_S = 0.2
 """In which even a slow motor at full duty gains more than that noise."""
 MUCH_SLOWER = 0.5
@@ -43,10 +32,7 @@ class WheelPlausibility:
 
     A wheel that turns against its duty is being braked, or a sign is wrong: its motor's, its
     encoder's, or one of them is another wheel's. A braked wheel slows down at least as if it were
-    running out. So from the first such tick on there is a speed, falling with :data:`RUN_OUT_S`,
-    that a braked wheel does not exceed. For as long as the wheel does, doubt grows: with time, with
-    the effort that was in vain, and with the turn of the wheel, so that the harder it is driven and
-    the faster it turns the sooner it is found.
+    running out; as long as it does not, doubt grows (:class:`RunningOn`).
 
     The same holds for a wheel with so small a duty that its motor would have to be
     :data:`MOST_OF_BELIEVED` times as fast as believed to keep it at its speed: where left and right
@@ -69,15 +55,20 @@ class WheelPlausibility:
     def __init__(
         self, one_count_rad_per_s: float, full_duty_rad_per_s: float, fastest_rad_per_s: float
     ) -> None:
-        self._noise = max(NOISE_RAD_PER_S, COUNTS_OF_NOISE * one_count_rad_per_s)
+        self._noise = noise_rad_per_s(one_count_rad_per_s)
         self._most = MOST_OF_BELIEVED * full_duty_rad_per_s
         self._fastest = fastest_rad_per_s
-        self._bound, self._doubt = math.inf, 0.0
+        self._running_on = RunningOn(self._noise)
         self._best, self._behind_s = -math.inf, 0.0
+
+    @property
+    def doubt(self) -> float:
+        """Return the doubt that the wheel is braked: 0 none, 1 sure that it is not."""
+        return self._running_on.doubt
 
     def reset(self) -> None:
         """Forget the past."""
-        self._obeys()
+        self._running_on.ends()
         self._keeps_up()
 
     def judge(
@@ -100,22 +91,14 @@ class WheelPlausibility:
         elif push > 0.0 and size > abs(setpoint) + self._fastest:
             contradiction = Contradiction.TOO_FAST
         else:
-            if self._bound != math.inf:
-                self._obeys()
+            self._running_on.ends()
             if -1.0 < duty < 1.0:
                 if self._best != -math.inf:
                     self._keeps_up()
                 return None
             return self._behind(setpoint, size, passed_s)
         self._keeps_up()
-        bound = min(self._bound, size)
-        self._bound = bound * (1.0 - passed_s / RUN_OUT_S)
-        if size <= bound + self._noise:
-            return None
-        self._doubt += passed_s * (
-            1.0 / MOST_TIME_S + abs(duty) / MOST_EFFORT_S + size / MOST_TURN_RAD
-        )
-        return contradiction if self._doubt >= 1.0 else None
+        return contradiction if self._running_on.is_sure(size, abs(duty), passed_s) else None
 
     def _behind(self, setpoint: float, size: float, passed_s: float) -> Contradiction | None:
         """Judge a wheel at full duty."""
@@ -128,9 +111,6 @@ class WheelPlausibility:
             if self._behind_s >= MOST_BEHIND_S:
                 return Contradiction.TOO_SLOW
         return None
-
-    def _obeys(self) -> None:
-        self._bound, self._doubt = math.inf, 0.0
 
     def _keeps_up(self) -> None:
         self._best, self._behind_s = -math.inf, 0.0

@@ -39,7 +39,8 @@ def test_the_robot_stops_in_time_or_drives_on_and_the_operator_is_told(robot, sc
     config = load_config(robot=robot)
     row = run_scenario(scenario, config)
     came = iter(row.states)
-    assert all(state in came for state in scenario.states), row.states
+    for state in scenario.states:
+        assert any(s.startswith(state) for s in came), row.states
     assert row.latched is any(s.startswith(("FAULT", "ESTOP")) for s in scenario.states[-1:])
     assert scenario.message in row.told
     assert row.beyond_floor_m == 0.0

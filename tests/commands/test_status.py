@@ -9,7 +9,7 @@ import pytest
 from klab import SMALL_AREA, alive, klab, klab_json, klab_ok, start_klab
 from real_bus import Ear
 
-from koopman_lab.bus.channels import ONBOARD_STATUS, PROCESS
+from koopman_lab.bus.channels import HEARTBEATS, ONBOARD_STATUS, PROCESS
 from koopman_lab.eventlog.eventlog import read_events
 
 
@@ -59,10 +59,13 @@ def test_a_lab_says_who_is_there_and_what_flows_until_it_is_brought_down(up, bus
 def test_who_commands_is_ended_first_and_who_goes_on_is_named(up, bus_url, tmp_path):
     process, _ = up
     ear = Ear(bus_url)
+    beats = []
+    ear.listener.subscribe(HEARTBEATS["logger"], beats.append)
     session = start_klab("calibrate", "--out", tmp_path / "session", *SMALL_AREA)
     by_hand = start_klab("run", "logger", "--out", tmp_path / "by-hand")
     try:
         ear.wait(lambda: ear.status is not None and abs(ear.status.v_setpoint_m_per_s) > 0.1)
+        ear.wait(lambda: by_hand.pid in {beat.pid for beat in beats})
         down = klab("down")
         assert down.returncode == 1
         own = f"logger (process {by_hand.pid}: started by hand"

@@ -6,15 +6,17 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from onboard.motor_loop.wheel_plausibility import (
+from onboard.motor_loop.running_on import (
     COUNTS_OF_NOISE,
-    MOST_BEHIND_S,
     MOST_EFFORT_S,
-    MOST_OF_BELIEVED,
     MOST_TIME_S,
     MOST_TURN_RAD,
     NOISE_RAD_PER_S,
     RUN_OUT_S,
+)
+from onboard.motor_loop.wheel_plausibility import (
+    MOST_BEHIND_S,
+    MOST_OF_BELIEVED,
     Contradiction,
     WheelPlausibility,
 )

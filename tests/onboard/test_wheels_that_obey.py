@@ -38,7 +38,8 @@ def largest_doubt(bench, seed, seconds):
             refusal = bench.command(u, intent=Intent.CONTINUE if k else Intent.BEGIN)
             assert refusal is None, bench.loop.fault
         bench.tick()
-        largest = max(largest, *(wheel._doubt for wheel in bench.loop._health._wheels))
+        health = bench.loop._health
+        largest = max(largest, health._pair.doubt, *(wheel.doubt for wheel in health._wheels))
     assert not bench.loop.fault
     return largest
 
@@ -58,6 +59,28 @@ def test_motors_that_nobody_has_measured(kind, counts_per_rev, late_ticks):
                 bench.loop._health._stuck_duty = 1.0
                 bench.plant.drives = FirstOrderDrives(*motor, late_ticks)
                 assert largest_doubt(bench, 1, 8.0) < WITHOUT_DOUBT, motor
+
+
+UNLIKE = ((1.4, 0.0), (1.0 / 1.4, 0.0), (1.25, 0.05), (0.8, 0.05), (1.0, 0.08))
+"""How many times as strong the left motor is, and how much more friction the right wheel has."""
+
+
+@pytest.mark.parametrize(("stronger", "more_friction_duty"), UNLIKE)
+@pytest.mark.parametrize("gains", ["lab", "real"])
+@pytest.mark.parametrize("kind", ["kinematic", "dynamic"])
+def test_motors_that_are_not_alike(kind, gains, stronger, more_friction_duty):
+    """The weaker one gets more duty and yet is the slower one, until its integral has learned."""
+    config = with_real_gains(kind) if gains == "real" else load_config(robot=kind)
+    # The gains of preset lab are made for its own motors only.
+    fulls, lags_s = (FULL_DUTY_RAD_PER_S, LAGS_S) if gains == "real" else ((30.0,), (0.05,))
+    for full in fulls:
+        for lag_s in lags_s:
+            bench = Bench(config)
+            bench.loop._health._stuck_duty = 1.0
+            bench.plant.drives = FirstOrderDrives(
+                full, lag_s, 0.02, stronger=stronger, more_friction_duty=more_friction_duty
+            )
+            assert largest_doubt(bench, 1, 20.0) < WITHOUT_DOUBT, (full, lag_s)
 
 
 class StallingBench(Bench):

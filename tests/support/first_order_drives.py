@@ -23,13 +23,28 @@ class FirstOrderDrives:
         What friction takes of the duty; a wheel at rest needs a quarter more to break away.
     late_ticks
         How many motor ticks duties take to the motors.
+    stronger
+        How many times as strong the left motor is as the right one; their mean is as said.
+    more_friction_duty
+        How much more friction takes at the right wheel.
     """
 
     until_kink_us = None
 
-    def __init__(self, full_rad_per_s, lag_s, friction_duty=0.0, late_ticks=0):
+    def __init__(
+        self,
+        full_rad_per_s,
+        lag_s,
+        friction_duty=0.0,
+        late_ticks=0,
+        stronger=1.0,
+        more_friction_duty=0.0,
+    ):
         self.left_rad_per_s = self.right_rad_per_s = 0.0
-        self._full, self._lag_s, self._friction = full_rad_per_s, lag_s, friction_duty
+        self._lag_s = lag_s
+        right = 2.0 * full_rad_per_s / (1.0 + stronger)
+        self._left = stronger * right, friction_duty
+        self._right = right, friction_duty + more_friction_duty
         self._on_the_way = [(0.0, 0.0)] * late_ticks
         self._duties = (0.0, 0.0)
 
@@ -45,17 +60,20 @@ class FirstOrderDrives:
 
     def advance(self, step_us):
         left = math.exp(-step_us * 1e-6 / self._lag_s)
-        self.left_rad_per_s = self._after(self.left_rad_per_s, self._duties[0], left)
-        self.right_rad_per_s = self._after(self.right_rad_per_s, self._duties[1], left)
+        left_duty, right_duty = self._duties
+        self.left_rad_per_s = after(self.left_rad_per_s, left_duty, left, *self._left)
+        self.right_rad_per_s = after(self.right_rad_per_s, right_duty, left, *self._right)
 
-    def _after(self, speed, duty, left):
-        if speed == 0.0 and abs(duty) <= 1.25 * self._friction:
-            return 0.0
-        sign = math.copysign(1.0, speed or duty)
-        steady = self._full * (duty - sign * self._friction)
-        after = steady + (speed - steady) * left
-        # Friction stops a wheel, it does not turn it round.
-        return after if after * sign > 0.0 else 0.0
+
+def after(speed, duty, left, full, friction):
+    """Return the speed after a step in which a share ``left`` of a deviation stays."""
+    if speed == 0.0 and abs(duty) <= 1.25 * friction:
+        return 0.0
+    sign = math.copysign(1.0, speed or duty)
+    steady = full * (duty - sign * friction)
+    reached = steady + (speed - steady) * left
+    # Friction stops a wheel, it does not turn it round.
+    return reached if reached * sign > 0.0 else 0.0
 
 
 def with_real_gains(robot, counts_per_rev=2400):

@@ -20,16 +20,16 @@ _CABLES = (
     ("right motor reversed", Fault(kind="motor_reversed", wheel="right"), "right"),
     ("both encoders reversed", Fault(kind="encoder_reversed"), "left"),
     ("both motors reversed", Fault(kind="motor_reversed"), "left"),
-    ("encoders exchanged", Fault(kind="encoders_exchanged"), "right"),
-    ("motors exchanged", Fault(kind="motors_exchanged"), "right"),
+    ("encoders exchanged", Fault(kind="encoders_exchanged"), ""),
+    ("motors exchanged", Fault(kind="motors_exchanged"), ""),
 )
-"""What is wrong, and the wheel that is named: of two that disobey, the one that is found first."""
+"""What is wrong, and the wheel that is named: either, where both run away from each other."""
 
 
 def _rows() -> Iterator[Scenario]:
     for name, fault, wheel in _CABLES:
-        states = (f"FAULT {wheel.upper()}_WHEEL_CONTRARY",)
-        ends = by_disobeying_wheel, f"{wheel} wheel does not obey its motor"
+        states = (f"FAULT {wheel.upper()}_WHEEL_CONTRARY" if wheel else "FAULT",)
+        ends = by_disobeying_wheel, f"{wheel} wheel does not obey its motor".lstrip()
         yield Scenario(f"{name} from the start", nothing, states, *ends, wrong=(fault,))
         yield Scenario(f"{name} in a drive", Inject(fault), states, *ends)
         if fault.wheel in ("left", "right"):

@@ -27,8 +27,8 @@ class Scenario:
     strike
         Makes it go wrong while the robot drives fast.
     states
-        States of the motor loop that must come, in this order, after the strike or, where something
-        is wrong from the beginning, after the robot first moves.
+        Beginnings of the states of the motor loop that must come, in this order, after the strike
+        or, where something is wrong from the beginning, after the robot first moves.
     bound
         Largest time (s) until the robot stands and goes on standing; None if it must drive on.
     message
