@@ -40,18 +40,19 @@ class RunningOn:
 
     Attributes
     ----------
+    began
+        Whether something is braked now.
     doubt
         0 none, 1 sure.
     """
 
     def __init__(self, noise_rad_per_s: float) -> None:
         self._noise = noise_rad_per_s
-        self._bound, self.doubt = math.inf, 0.0
+        self.ends()
 
     def ends(self) -> None:
         """Forget the past: nothing is braked."""
-        if self._bound != math.inf:
-            self._bound, self.doubt = math.inf, 0.0
+        self.began, self._bound, self.doubt = False, math.inf, 0.0
 
     def is_sure(self, speed: float, duty: float, passed_s: float) -> bool:
         """Take one more tick of braking; return whether the doubt has become certainty.
@@ -63,6 +64,7 @@ class RunningOn:
         passed_s
             Its length.
         """
+        self.began = True
         bound = min(self._bound, speed)
         self._bound = bound * (1.0 - passed_s / RUN_OUT_S)
         if speed <= bound + self._noise:

@@ -70,24 +70,22 @@ class WheelPairPlausibility:
         (left_duty, right_duty), (left, right) = duties, speeds
         total, push = left + right, left_duty + right_duty
         lead, turn = left - right, left_duty - right_duty
-        apart, against = lead * turn < 0.0, total * push < 0.0
-        if apart or against:
-            largest, smallest = abs(left), abs(right)
-            if largest < smallest:
-                largest, smallest = smallest, largest
-            explained = 0.5 * MOST_UNLIKE * (abs(left_duty) + abs(right_duty)) + MOST_FRICTION_DUTY
-            turns = smallest > self._wheel_noise
-            apart = apart and turns and abs(turn) > explained and abs(lead) > self._noise
-            against = against and turns and abs(push) > explained and abs(total) > self._noise
+        if lead * turn >= 0.0 and total * push >= 0.0:
+            if self._difference.began or self._sum.began:
+                self.reset()
+            return None
+        explained = 0.5 * MOST_UNLIKE * (abs(left_duty) + abs(right_duty)) + MOST_FRICTION_DUTY
+        turns = min(abs(left), abs(right)) > self._wheel_noise
         sure = False
-        if apart:
-            sure = self._difference.is_sure(abs(lead), abs(turn), passed_s)
-        else:
-            self._difference.ends()
-        if against:
-            sure = self._sum.is_sure(abs(total), abs(push), passed_s) or sure
-        else:
-            self._sum.ends()
+        for running_on, speed, duty in (
+            (self._difference, lead, turn),
+            (self._sum, total, push),
+        ):
+            against, size, effort = speed * duty < 0.0, abs(speed), abs(duty)
+            if against and turns and effort > explained and size > self._noise:
+                sure |= running_on.is_sure(size, effort, passed_s)
+            else:
+                running_on.ends()
         if not sure:
             return None
         left_setpoint, right_setpoint = setpoints

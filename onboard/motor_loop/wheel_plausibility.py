@@ -91,7 +91,8 @@ class WheelPlausibility:
         elif push > 0.0 and size > abs(setpoint) + self._fastest:
             contradiction = Contradiction.TOO_FAST
         else:
-            self._running_on.ends()
+            if self._running_on.began:
+                self._running_on.ends()
             if -1.0 < duty < 1.0:
                 if self._best != -math.inf:
                     self._keeps_up()
