@@ -15,6 +15,7 @@ from offboard.bench.fit_cost import edmd
 from offboard.bench.lockstep_speed import lockstep
 from offboard.bench.page_cost import view
 from offboard.bench.parks import parks
+from offboard.bench.soak.command import soak
 from offboard.bench.stop import stop
 from offboard.terminal import options
 from offboard.terminal.choices import Commands
@@ -28,6 +29,7 @@ app.command()(parks)
 app.command()(edmd)
 app.command()(view)
 app.command()(stop)
+app.command()(soak)
 
 
 @app.callback()

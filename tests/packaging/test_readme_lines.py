@@ -14,9 +14,9 @@ from readme_run import SHORTER, begins, is_alone
 TYPED_IN = ("test_first_hour.py", "test_readme_live.py")
 """Where lines are typed that wait for a lab, a bus or Ctrl-C."""
 ELSEWHERE = {
-    "on less, with what it prints looked at: tests/bench/test_bench.py, test_fault_table.py": (
+    "on less, and what it prints looked at: tests/bench: test_bench, test_fault_table, test_soak": (
         *("klab bench faults", "klab bench realtime", "klab bench ocp", "klab bench parks"),
-        *("klab bench logger", "klab bench edmd", "klab bench view"),
+        *("klab bench logger", "klab bench edmd", "klab bench view", "klab bench soak"),
     ),
     "in a browser: tests/browser/test_bench_stop.py": ("klab bench stop",),
     "by a shell: tests/packaging/test_first_hour.py": ("source .venv/bin/activate", "klab doctor"),
