@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import re
-from collections.abc import Callable, Iterator
 
 import lcm
 
+from koopman_lab.bus.filtered_bus import FilteredBus, without_stderr
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import BusError
 
@@ -22,8 +20,8 @@ def bus_url(config: LabConfig) -> str:
     return f"{url}{join}recv_buf_size={config.bus.receive_buffer_bytes}"
 
 
-def open_lcm(config: LabConfig) -> lcm.LCM:
-    """Open the bus.
+def open_lcm(config: LabConfig) -> FilteredBus:
+    """Open the bus; it begins to listen, behind its filter, when that is first needed.
 
     Raises
     ------
@@ -32,8 +30,8 @@ def open_lcm(config: LabConfig) -> lcm.LCM:
     """
     url = bus_url(config)
     try:
-        with _without_stderr():
-            return lcm.LCM(url)
+        with without_stderr():
+            return FilteredBus(url)
     except (RuntimeError, ValueError, OSError):
         raise BusError(
             f"bus.url {config.bus.url}: LCM cannot open it. Most often there is no route for "
@@ -51,27 +49,6 @@ def route_remedy(url: str) -> str:
             "place of eth0)"
         )
     return "sudo ip link set lo multicast on && sudo ip route add 224.0.0.0/4 dev lo"
-
-
-@contextlib.contextmanager
-def _without_stderr() -> Iterator[None]:
-    """Keep LCM's C library from writing a page of its own to standard error."""
-    saved, devnull = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(devnull, 2)
-    try:
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)
-        os.close(devnull)
-
-
-def subscribe(bus: lcm.LCM, name: str, handler: Callable[[str, bytes], None]) -> None:
-    """Subscribe to exactly one channel with an unlimited queue.
-
-    LCM takes a regular expression, and by default keeps only the oldest 30 messages.
-    """
-    bus.subscribe(f"^{re.escape(name)}$", handler).set_queue_capacity(0)
 
 
 def drain(bus: lcm.LCM) -> None:

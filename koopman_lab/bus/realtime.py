@@ -14,10 +14,9 @@ from itertools import count
 from types import FrameType
 from typing import Any, NamedTuple
 
-import lcm
-
 from koopman_lab.bus.channel import Channel, M
-from koopman_lab.bus.multicast import drain, open_lcm, subscribe
+from koopman_lab.bus.filtered_bus import FilteredBus
+from koopman_lab.bus.multicast import drain, open_lcm
 from koopman_lab.bus.node import Node, RawHandler
 from koopman_lab.bus.pacing import TickTimes
 from koopman_lab.bus.port import BasePort, Wrap
@@ -46,7 +45,7 @@ class RealtimePort(BasePort):
 
     virtual = False
 
-    def __init__(self, node_name: str, config: LabConfig, bus: lcm.LCM) -> None:
+    def __init__(self, node_name: str, config: LabConfig, bus: FilteredBus) -> None:
         super().__init__(node_name, config, os.getpid())
         self._bus_clock = Clock()
         self._pending: list[tuple[int, int, Deliver, bytes]] = []
@@ -80,13 +79,15 @@ class RealtimePort(BasePort):
 
     def listen(self) -> None:
         """Subscribe at LCM to every channel that has a handler; call once, after attaching."""
-        for name in self.subscriptions:
-            self.listen_to(name)
+        self.listen_to(*self.subscriptions)
 
-    def listen_to(self, name: str) -> None:
-        """Subscribe at LCM to a channel that has a handler."""
+    def listen_to(self, *names: str) -> None:
+        """Subscribe at LCM to channels that have a handler."""
+        self.bus.subscribe_exactly({name: self._arrival(name) for name in names})
+
+    def _arrival(self, name: str) -> Callable[[str, bytes], None]:
         deliver = self.subscriptions[name].arrive
-        subscribe(self.bus, name, lambda _, data: deliver(data, self.bus_us()))
+        return lambda _, data: deliver(data, self.bus_us())
 
     def drain(self) -> None:
         """Handle everything that has arrived."""
@@ -254,8 +255,12 @@ class Listener:
     def overhear(self, handler: RawHandler) -> None:
         """Call ``handler`` with every message on the bus, of all robots and other programs."""
         port = self._port
-        subscription = self._bus.subscribe(".*", lambda n, data: handler(n, data, port.bus_us()))
-        subscription.set_queue_capacity(0)
+        self._bus.subscribe_to_all(lambda name, data: handler(name, data, port.bus_us()))
+
+    def filter_fault(self) -> str:
+        """Begin to listen; return why no filter keeps hostile datagrams off, empty if one does."""
+        self._bus.fileno()
+        return self._bus.filter_fault
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message; its ``utime`` is the caller's to set (see :meth:`now_us`)."""

@@ -1,0 +1,162 @@
+"""LCM that hears nothing but what its library can take: a filter stands before it listens."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping
+
+import lcm
+
+from koopman_lab.bus import receiving_socket
+from koopman_lab.bus.datagram_filter import SHUT, datagram_filter
+from koopman_lab.bus.receiving_socket import FilterError
+from koopman_lab.errors import BusError
+
+Handler = Callable[[str, bytes], None]
+"""Called with the name of a channel and the bytes of a message."""
+
+REST_S = 0.0005
+MOST_RESTS = 4000
+"""Looks at the reading thread; it takes some microseconds for each datagram that waits."""
+ANY_CHANNEL = ".*"
+
+
+class FilteredBus(lcm.LCM):
+    """LCM whose socket passes only messages to the channels that are subscribed to.
+
+    The library opens its receiving socket at the first need and reads it in a thread of its own,
+    so what comes before the filter stands is read without it. That is harmless as long as nobody
+    subscribes: the fault is in handing a message on. So the socket is shut, what it holds is
+    waited for and handed to nobody, and only then does it open again, filtered.
+
+    Attributes
+    ----------
+    filter_fault
+        Why no filter stands; empty where one does.
+    """
+
+    def __init__(self, url: str) -> None:
+        super().__init__(url)
+        self.filter_fault = f"{url}: nobody listens yet"
+        self._url = url
+        self._socket: int | None = None
+        self._listens = False
+        self._names: set[str] = set()
+        self._takes_any = False
+
+    def fileno(self) -> int:
+        """Return what becomes readable when a message has arrived; begin to listen."""
+        self._begin_to_listen()
+        return super().fileno()
+
+    def subscribe(self, channel: str, callback: Handler) -> lcm.LCMSubscription:
+        """Subscribe to a regular expression of channels, and let those of any name pass.
+
+        Raises
+        ------
+        BusError
+            If the library cannot listen.
+        """
+        self._begin_to_listen()
+        self._takes_any = True
+        self._attach()
+        return self._subscribed(channel, callback)
+
+    def subscribe_exactly(self, handlers: Mapping[str, Handler]) -> None:
+        """Subscribe to the channels of these names with unlimited queues.
+
+        LCM takes regular expressions, and by default keeps only the oldest 30 messages.
+
+        Raises
+        ------
+        BusError
+            If the library cannot listen.
+        """
+        self._begin_to_listen()
+        self._names.update(handlers)
+        self._attach()
+        for name, handler in handlers.items():
+            self._subscribed(f"^{re.escape(name)}$", handler).set_queue_capacity(0)
+
+    def subscribe_to_all(self, handler: Handler) -> None:
+        """Subscribe to every channel with an unlimited queue.
+
+        Raises
+        ------
+        BusError
+            If the library cannot listen.
+        """
+        self.subscribe(ANY_CHANNEL, handler).set_queue_capacity(0)
+
+    def _subscribed(self, channel: str, handler: Handler) -> lcm.LCMSubscription:
+        # Whatever the library's types say, it returns None where it cannot listen.
+        subscription: lcm.LCMSubscription | None = super().subscribe(channel, handler)
+        if subscription is None:
+            raise BusError(
+                f"bus.url {self._url}: LCM can send there, but not listen. Another program may "
+                "hold the port for itself, or a firewall drop UDP; `klab doctor` looks closer."
+            )
+        return subscription
+
+    def _begin_to_listen(self) -> None:
+        if self._listens:
+            return
+        self._listens = True
+        descriptors = receiving_socket.open_descriptors()
+        threads = receiving_socket.running_threads()
+        with without_stderr():
+            super().fileno()
+        self._socket = receiving_socket.receiving_socket(
+            receiving_socket.open_descriptors() - descriptors
+        )
+        reading = receiving_socket.running_threads() - threads
+        self.filter_fault = self._shut(reading)
+        self._attach()
+
+    def _shut(self, reading: frozenset[int]) -> str:
+        """Let nothing more in, and wait until nothing is left; return why that cannot be done."""
+        if not self._url.startswith("udpm://"):
+            return f"{self._url}: only sockets of udpm:// are filtered"
+        if self._socket is None:
+            return f"{self._url}: no socket of LCM's is found among the descriptors"
+        try:
+            receiving_socket.attach(self._socket, SHUT)
+        except FilterError as error:
+            return str(error)
+        for _ in range(MOST_RESTS):
+            if receiving_socket.at_rest(self._socket, reading):
+                break
+            time.sleep(REST_S)
+        while self.handle_timeout(0) > 0:
+            pass
+        return ""
+
+    def _attach(self) -> None:
+        """Pass what is subscribed to by now."""
+        if self.filter_fault or self._socket is None:
+            return
+        if not self._takes_any:
+            # Old kernels grant a socket 20 kB for its filters: too little for many names.
+            with contextlib.suppress(FilterError):
+                receiving_socket.attach(self._socket, datagram_filter(self._names))
+                return
+        try:
+            receiving_socket.attach(self._socket, datagram_filter())
+        except FilterError as error:
+            self.filter_fault = str(error)
+
+
+@contextlib.contextmanager
+def without_stderr() -> Iterator[None]:
+    """Keep LCM's C library from writing a page of its own to standard error."""
+    saved, devnull = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(devnull, 2)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(devnull)

@@ -1,0 +1,103 @@
+"""The socket that the LCM library receives with, and the filter in front of it."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import socket
+import struct
+import sys
+from collections.abc import Iterator
+from ipaddress import ip_address
+from pathlib import Path
+
+from koopman_lab.bus.datagram_filter import Program, packed
+
+ATTACH_FILTER = 26
+"""SO_ATTACH_FILTER of Linux, which Python does not name."""
+PROCESS = Path("/proc/self")
+SLEEPING = "S"
+"""Of the states of proc_pid_stat(5)."""
+
+
+class FilterError(Exception):
+    """No filter stands in front of a socket; says why."""
+
+
+def open_descriptors() -> frozenset[int]:
+    """Return the descriptors of this process; none where the system does not list them."""
+    return _numbers("fd")
+
+
+def running_threads() -> frozenset[int]:
+    """Return the threads of this process; none where the system does not list them."""
+    return _numbers("task")
+
+
+def at_rest(descriptor: int, threads: frozenset[int]) -> bool:
+    """Return whether nothing waits in a socket, and the threads that read it wait for it."""
+    with _borrowed(descriptor) as udp:
+        try:
+            udp.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            # Asked after the socket: a thread that sleeps now has done with the last datagram.
+            return all(_state(thread) == SLEEPING for thread in threads)
+    return False
+
+
+def receiving_socket(candidates: frozenset[int]) -> int | None:
+    """Return which of these descriptors is a UDP socket bound to a multicast group.
+
+    The library opens it when it is first asked to listen, and keeps it to itself.
+    """
+    for descriptor in sorted(candidates):
+        with contextlib.suppress(OSError, ValueError), _borrowed(descriptor) as udp:
+            if udp.family == socket.AF_INET and udp.type == socket.SOCK_DGRAM:
+                host, _ = udp.getsockname()
+                if ip_address(host).is_multicast:
+                    return descriptor
+    return None
+
+
+def attach(descriptor: int, program: Program) -> None:
+    """Let the kernel drop what the program does not accept, instead of what it did before.
+
+    What has arrived before stays in the socket.
+
+    Raises
+    ------
+    FilterError
+        If the kernel will not.
+    """
+    if sys.platform != "linux":
+        raise FilterError(f"{sys.platform} has no SO_ATTACH_FILTER")
+    instructions = ctypes.create_string_buffer(packed(program))
+    # struct sock_fprog: how many, and where.
+    described = struct.pack("@HP", len(program), ctypes.addressof(instructions))
+    with _borrowed(descriptor) as udp:
+        try:
+            udp.setsockopt(socket.SOL_SOCKET, ATTACH_FILTER, described)
+        except OSError as error:
+            raise FilterError(f"SO_ATTACH_FILTER: {error.strerror}") from None
+
+
+def _numbers(folder: str) -> frozenset[int]:
+    with contextlib.suppress(OSError):
+        return frozenset(int(entry.name) for entry in (PROCESS / folder).iterdir())
+    return frozenset()
+
+
+def _state(thread: int) -> str:
+    """Return the letter by which the kernel says what a thread does."""
+    stat = (PROCESS / "task" / str(thread) / "stat").read_text()
+    return stat.rpartition(")")[2].split()[0]
+
+
+@contextlib.contextmanager
+def _borrowed(descriptor: int) -> Iterator[socket.socket]:
+    """Give a socket of another owner, who keeps it."""
+    borrowed = socket.socket(fileno=descriptor)
+    try:
+        yield borrowed
+    finally:
+        borrowed.detach()

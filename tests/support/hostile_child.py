@@ -1,0 +1,37 @@
+"""A process that listens as ours do, for others to kill: `python hostile_child.py URL HOW`.
+
+HOW is ``one`` (a channel by name) or ``all``. It says "listening" and why it is not filtered, and,
+as often as it hears the lab's e-stop, by how many kB its memory has grown.
+"""
+
+import sys
+from pathlib import Path
+
+from koopman_lab.bus.channels import ESTOP
+from koopman_lab.bus.realtime import Listener
+from koopman_lab.config.load import load_config
+
+
+def resident_kb() -> int:
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return int(next(line for line in lines if line.startswith("VmRSS")).split()[1])
+
+
+def say(text: object) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
+
+
+def main(url: str, how: str) -> None:
+    listener = Listener(load_config(overrides=[f"bus.url={url}"]))
+    if how == "all":
+        listener.overhear(lambda *_: None)
+    before_kb = resident_kb()
+    listener.subscribe(ESTOP, lambda _: say(resident_kb() - before_kb))
+    say(f"listening {listener.filter_fault()!r}")
+    while True:
+        listener.spin(1.0)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
