@@ -43,12 +43,18 @@ class FilteredBus(lcm.LCM):
         self.filter_fault = f"{url}: nobody listens yet"
         self._url = url
         self._socket: int | None = None
-        self._listens = False
+        self._listens = self._is_deaf = False
         self._names: set[str] = set()
         self._takes_any = False
 
     def fileno(self) -> int:
-        """Return what becomes readable when a message has arrived; begin to listen."""
+        """Return what becomes readable when a message has arrived; begin to listen.
+
+        Raises
+        ------
+        BusError
+            If the library cannot listen.
+        """
         self._begin_to_listen()
         return super().fileno()
 
@@ -63,7 +69,7 @@ class FilteredBus(lcm.LCM):
         self._begin_to_listen()
         self._takes_any = True
         self._attach()
-        return self._subscribed(channel, callback)
+        return super().subscribe(channel, callback)
 
     def subscribe_exactly(self, handlers: Mapping[str, Handler]) -> None:
         """Subscribe to the channels of these names with unlimited queues.
@@ -79,7 +85,7 @@ class FilteredBus(lcm.LCM):
         self._names.update(handlers)
         self._attach()
         for name, handler in handlers.items():
-            self._subscribed(f"^{re.escape(name)}$", handler).set_queue_capacity(0)
+            super().subscribe(f"^{re.escape(name)}$", handler).set_queue_capacity(0)
 
     def subscribe_to_all(self, handler: Handler) -> None:
         """Subscribe to every channel with an unlimited queue.
@@ -91,24 +97,22 @@ class FilteredBus(lcm.LCM):
         """
         self.subscribe(ANY_CHANNEL, handler).set_queue_capacity(0)
 
-    def _subscribed(self, channel: str, handler: Handler) -> lcm.LCMSubscription:
-        # Whatever the library's types say, it returns None where it cannot listen.
-        subscription: lcm.LCMSubscription | None = super().subscribe(channel, handler)
-        if subscription is None:
+    def _begin_to_listen(self) -> None:
+        if not self._listens:
+            self._open_receiving_socket()
+        if self._is_deaf:
             raise BusError(
                 f"bus.url {self._url}: LCM can send there, but not listen. Another program may "
-                "hold the port for itself, or a firewall drop UDP; `klab doctor` looks closer."
+                "hold the port for itself; `klab doctor` looks closer."
             )
-        return subscription
 
-    def _begin_to_listen(self) -> None:
-        if self._listens:
-            return
+    def _open_receiving_socket(self) -> None:
         self._listens = True
         descriptors = receiving_socket.open_descriptors()
         threads = receiving_socket.running_threads()
         with without_stderr():
-            super().fileno()
+            # It says so only once: who asks again is told that all is well.
+            self._is_deaf = super().fileno() < 0
         self._socket = receiving_socket.receiving_socket(
             receiving_socket.open_descriptors() - descriptors
         )

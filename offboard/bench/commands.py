@@ -12,6 +12,7 @@ from koopman_lab.robots.dynamic import DYNAMIC
 from koopman_lab.robots.kinematic import KINEMATIC
 from offboard.bench.dataset_time import dataset
 from offboard.bench.fit_cost import edmd
+from offboard.bench.flood import flood
 from offboard.bench.lockstep_speed import lockstep
 from offboard.bench.page_cost import view
 from offboard.bench.parks import parks
@@ -30,6 +31,7 @@ app.command()(edmd)
 app.command()(view)
 app.command()(stop)
 app.command()(soak)
+app.command()(flood)
 
 
 @app.callback()

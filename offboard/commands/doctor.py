@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import platform
 import subprocess
 import sys
@@ -42,6 +43,8 @@ class Finding:
     remedy: str = ""
     bad: str = "MISSING"
     """In a word, where it is needed and not good."""
+    lacking: str = "missing, not needed"
+    """In a word or two, where it is not needed and not good."""
 
 
 def doctor(
@@ -58,7 +61,7 @@ def doctor(
     Example: klab doctor
     """
     lab = options.resolve(config, overrides, None, url=url)
-    checks: list[Callable[[LabConfig], Iterator[Finding]]] = [_bus, _receive_buffer]
+    checks: list[Callable[[LabConfig], Iterator[Finding]]] = [_bus, _filter, _receive_buffer]
     if not bus_only:
         extras = partial(_extras, context.find_root().command)
         checks = [_python, extras, _packages, _types, *checks, _compiler, _plug_ins]
@@ -67,9 +70,7 @@ def doctor(
     for finding in findings:
         if bus_only and finding not in bad:
             continue
-        verdict = (
-            "ok" if finding.good else (finding.bad if finding.needed else "missing, not needed")
-        )
+        verdict = "ok" if finding.good else (finding.bad if finding.needed else finding.lacking)
         out.print(f"{finding.what}: {verdict} ({finding.detail})")
         if finding.remedy and not finding.good:
             out.print(f"    {finding.remedy}")
@@ -191,7 +192,11 @@ def _bus(lab: LabConfig) -> Iterator[Finding]:
         yield Finding("multicast", "LCM cannot be opened", good=False, remedy=str(error))
         return
     heard: list[lcmtypes.estop_t] = []
-    listener.subscribe(ESTOP, heard.append)
+    try:
+        listener.subscribe(ESTOP, heard.append)
+    except BusError as error:
+        yield Finding("multicast", "LCM cannot listen", good=False, remedy=str(error))
+        return
     for _ in range(TRIES):
         speaker.publish(ESTOP, lcmtypes.estop_t())
         listener.spin(0.05)
@@ -203,6 +208,23 @@ def _bus(lab: LabConfig) -> Iterator[Finding]:
         bool(heard),
         remedy=f"{route_remedy(lab.bus.url)}; a firewall may drop UDP as well",
     )
+
+
+def _filter(lab: LabConfig) -> Iterator[Finding]:
+    """Say whether the kernel keeps off what the LCM library dies of."""
+    from koopman_lab.bus.realtime import Listener
+
+    with contextlib.suppress(BusError):  # a bus that cannot be used is a finding of its own
+        fault = Listener(lab).filter_fault()
+        yield Finding(
+            "datagram filter",
+            fault or "datagrams that are none of LCM's, or too large, reach no process",
+            not fault,
+            needed=False,
+            lacking="NONE",
+            remedy="a datagram of 8 bytes from a stranger ends every process that listens; keep "
+            "strangers off the bus (ttl=0, a firewall), or use Linux and a udpm:// URL",
+        )
 
 
 def _receive_buffer(lab: LabConfig) -> Iterator[Finding]:

@@ -5,9 +5,9 @@ import struct
 from itertools import islice
 
 import pytest
+from datagrams.packet_filter import accepts, may_pass
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from packet_filter import accepts, may_pass
 
 from koopman_lab.bus.channels import all_channels
 from koopman_lab.bus.datagram_filter import LARGEST_MESSAGE_BYTES, datagram_filter, packed

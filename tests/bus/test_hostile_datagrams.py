@@ -20,7 +20,7 @@ from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
 from offboard.bench.mutated_datagrams import fragment, mutated, short_message
 
-CHILD = Path(__file__).parents[1] / "support" / "hostile_child.py"
+LISTENING = Path(__file__).parents[1] / "support" / "datagrams" / "listening_process.py"
 REPRODUCE = Path(__file__).parent / "liblcm_short_datagram" / "reproduce.py"
 STOP_NAME = ESTOP.name("R1").encode()
 HARMLESS_KB = 3 * LARGEST_MESSAGE_BYTES / 1024
@@ -71,7 +71,10 @@ def sending_to(url):
 @contextmanager
 def listening(url, how):
     process = subprocess.Popen(
-        [sys.executable, CHILD, url, how], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, LISTENING, url, how],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     try:
         yield process

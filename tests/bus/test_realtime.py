@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -136,6 +137,20 @@ def test_a_bus_that_cannot_be_opened_is_explained():
     config = load_config(overrides=["bus.url=nonsense://"])
     with pytest.raises(BusError, match="ip route add"):
         open_lcm(config)
+
+
+def test_a_port_that_another_program_holds_is_explained_however_often_one_asks():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
+        holder.bind(("0.0.0.0", 0))
+        url = f"udpm://239.255.76.67:{holder.getsockname()[1]}?ttl=0"
+        deaf = Listener(load_config(overrides=[f"bus.url={url}"]))
+        for _ in range(2):
+            with pytest.raises(BusError, match="not listen"):
+                deaf.subscribe(channels.ESTOP, lambda _: None)
+            with pytest.raises(BusError, match="not listen"):
+                deaf.spin(0.0)
+            with pytest.raises(BusError, match="not listen"):
+                deaf.overhear(lambda *_: None)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""A process that listens as ours do, for others to kill: `python hostile_child.py URL HOW`.
+"""A process that listens as ours do, for others to kill: `python listening_process.py URL HOW`.
 
 HOW is ``one`` (a channel by name) or ``all``. It says "listening" and why it is not filtered, and,
 as often as it hears the lab's e-stop, by how many kB its memory has grown.

@@ -1,0 +1,77 @@
+"""`klab bench flood`: the lab under a flood of mutated datagrams."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from koopman_lab.config.schema import LabConfig
+from offboard.terminal import options
+from offboard.terminal.output import err, out, progress
+
+if TYPE_CHECKING:
+    from offboard.bench.flooded_lab import Row
+
+WITHOUT_RADIO_LOSS = tuple(f"simulation.radio.{way}.loss=0.0" for way in ("from_robot", "to_robot"))
+"""So that whatever is missing was lost on this machine."""
+
+
+def flood(
+    config: options.ConfigFile = None,
+    overrides: options.Overrides = None,
+    robot: options.Robot = None,
+    minutes: Annotated[
+        float, typer.Option("--minutes", min=0.05, help="How long to drive, each time.")
+    ] = 1.0,
+    heard_share: Annotated[
+        float,
+        typer.Option(
+            "--heard-share", min=0.0, max=1.0, help="Of the flood, what is on channels of the lab."
+        ),
+    ] = 0.1,
+    url: options.Url = None,
+    folder: options.Out = None,
+    as_json: options.AsJson = False,
+) -> None:
+    """Drive a lab under a flood of mutated datagrams, and without it; count deaths and losses.
+
+    Plant, motor loop, logger and a calibration run; the flood is as fast as one process can send,
+    and stays within this machine. Some of it is on channels of the lab, but no message.
+
+    Example: klab bench flood --minutes 10
+    """
+    from offboard.bench.driven_lab import MORE_THAN_ENOUGH
+    from offboard.bench.flooded_lab import FLOODED, QUIET, as_table
+    from offboard.lab.run_folder import run_path
+
+    changes = [f"sampler.segments_per_basis={MORE_THAN_ENOUGH}", *WITHOUT_RADIO_LOSS]
+    lab = options.resolve(config, [*changes, *(overrides or ())], robot, url=url)
+    seconds, path = 60.0 * minutes, run_path(folder, "flood")
+    rows = {
+        QUIET: _drive(lab, path / "quiet", seconds, None),
+        FLOODED: _drive(lab, path / "flooded", seconds, heard_share),
+    }
+    if as_json:
+        out.print_json(json.dumps({name: row._asdict() for name, row in rows.items()}))
+    else:
+        out.print(as_table(rows, lab.mocap.rate_hz, seconds))
+    if any(row.death for row in rows.values()):
+        raise typer.Exit(2)
+
+
+def _drive(lab: LabConfig, path: Path, seconds: float, heard_share: float | None) -> Row:
+    from offboard.bench.flooded_lab import measure
+    from offboard.lab.run_folder import new_folder
+    from offboard.lab.session_runner import keeping_the_log
+
+    listener = options.listen(lab)
+    if fault := listener.filter_fault():
+        err.print(f"no filter keeps hostile datagrams off: {fault}")
+    run = new_folder(path, "flood", lab)
+    with keeping_the_log(run), progress(f"driving, {path.name}", "s") as report:
+        return measure(
+            lab, run, listener, seconds, lambda s: report(round(s), round(seconds)), heard_share
+        )

@@ -1,0 +1,185 @@
+"""`klab bench flood`: a lab that drives under a flood of mutated datagrams, and without it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import subprocess
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import LabStateError
+from offboard.bench.driven_lab import drive
+from offboard.bench.process_cost import cpu_time_s
+from offboard.lab.python_process import module_command
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from koopman_lab.bus.realtime import Listener
+    from offboard.lab.run_folder import RunFolder
+
+NODES = ("plant", "onboard", "logger", "sampler")
+QUIET, FLOODED = "without a flood", "flooded"
+
+
+class Row(NamedTuple):
+    """How the lab went.
+
+    Attributes
+    ----------
+    datagrams, datagrams_per_s
+        Of the flood.
+    death
+        Which process ended, and how; empty if none did.
+    camera_frames, camera_frames_lost
+        Stored by the logger, and missing between the first and the last stored one.
+    lost
+        Missing on all channels.
+    ticks, missed_ticks
+        Of the process of the motor loop.
+    refused
+        Messages on channels of the lab that were none, as logger and motor loop counted them.
+    cpu_share, memory_mb
+        Of each node: of one core, and the largest resident memory; empty after a death.
+    """
+
+    datagrams: int
+    datagrams_per_s: float
+    death: str
+    camera_frames: int
+    camera_frames_lost: int
+    lost: int
+    ticks: int
+    missed_ticks: int
+    refused: int
+    cpu_share: dict[str, float]
+    memory_mb: dict[str, float]
+
+
+def measure(
+    config: LabConfig,
+    folder: RunFolder,
+    listener: Listener,
+    seconds: float,
+    report: Callable[[float], None],
+    heard_share: float | None,
+) -> Row:
+    """Let the sampler drive the robot, with or without a flood beside it.
+
+    Parameters
+    ----------
+    config
+        The lab; the sampler must have more to do than there is time.
+    folder
+        Takes the session log.
+    listener
+        Of this process.
+    seconds
+        From the moment the robot is driven.
+    report
+        Told the seconds that have passed.
+    heard_share
+        Of the datagrams of the flood, those on channels of the lab; None for no flood.
+
+    Raises
+    ------
+    LabStateError
+        If the lab does not start.
+    """
+    import lcmtypes
+    from koopman_lab.bus.channels import HEARTBEATS, MOCAP_POSE
+    from koopman_lab.data.decode import SessionLog
+    from offboard.lab.supervisor import start_missing, supervised
+
+    beats: dict[str, lcmtypes.node_status_t] = {}
+    for name in ("onboard", "logger"):
+        listener.subscribe(HEARTBEATS[name], partial(beats.__setitem__, name))
+    death, cpu_share, memory_mb = "", dict[str, float](), dict[str, float]()
+    sent: tuple[int, float] = (0, 0.0)
+    with supervised(config, folder, listener) as lab, contextlib.ExitStack() as stack:
+        start_missing(lab, set(), folder)
+        flood: subprocess.Popen[str] | None = None
+        before: dict[str, float] = {}
+
+        def watch(passed_s: float) -> None:
+            nonlocal flood
+            if not before:
+                before.update({name: cpu_time_s(lab.process(name)) for name in NODES})
+            if heard_share is not None and flood is None:
+                flood = stack.enter_context(_flood(config, seconds - passed_s, heard_share))
+            report(passed_s)
+
+        try:
+            drive(lab, config, folder, listener, seconds, watch)
+            pids = {name: lab.process(name) for name in NODES}
+            cpu_share = {n: (cpu_time_s(pid) - before[n]) / seconds for n, pid in pids.items()}
+            memory_mb = {name: _memory_mb(pid) for name, pid in pids.items()}
+        except LabStateError as error:
+            if not before:
+                raise
+            death = str(error)
+        if flood is not None:
+            count, flood_s = json.loads(flood.communicate()[0] or "[0, 0.0]")
+            sent = count, flood_s
+    channels = SessionLog(folder.log, salvage=True).channels
+    cameras = channels[MOCAP_POSE.name(config.robot.name)]
+    return Row(
+        sent[0],
+        sent[0] / sent[1] if sent[1] else 0.0,
+        death,
+        cameras.count - cameras.unreadable,
+        cameras.lost,
+        sum(channel.lost for channel in channels.values()),
+        beats["onboard"].ticks,
+        beats["onboard"].missed_ticks,
+        sum(beat.undecodable_messages for beat in beats.values()),
+        cpu_share,
+        memory_mb,
+    )
+
+
+def as_table(rows: dict[str, Row], camera_rate_hz: float, seconds: float) -> Table:
+    """Return the figures as a table."""
+    from rich.table import Table
+
+    table = Table("lab", title=f"cameras at {camera_rate_hz:g} Hz, {seconds:g} s")
+    columns = ("datagrams/s", "deaths", "camera frames", "frames lost", "lost", "ticks missed")
+    for column in (*columns, "refused", "CPU", "memory"):
+        table.add_column(column, justify="right")
+    for name, row in rows.items():
+        table.add_row(
+            name,
+            f"{row.datagrams_per_s:.0f}",
+            row.death or "none",
+            *map(str, row[3:6]),
+            f"{row.missed_ticks} of {row.ticks + row.missed_ticks}",
+            str(row.refused),
+            "\n".join(f"{node} {100.0 * share:.1f} %" for node, share in row.cpu_share.items()),
+            "\n".join(f"{node} {mb:.0f} MB" for node, mb in row.memory_mb.items()),
+        )
+    return table
+
+
+@contextlib.contextmanager
+def _flood(
+    config: LabConfig, seconds: float, heard_share: float
+) -> Iterator[subprocess.Popen[str]]:
+    """Give a process that floods the bus for so long."""
+    whom = (config.bus.url, config.robot.name)
+    how = (str(seconds), str(heard_share))
+    command = module_command("offboard.bench.datagram_flood", *whom, *how)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def _memory_mb(pid: int) -> float:
+    """Return the largest resident memory of a process (MB)."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return int(next(line for line in lines if line.startswith("VmHWM")).split()[1]) / 1e3
