@@ -16,8 +16,8 @@ from koopman_lab.bus.datagram_filter import Program, packed
 ATTACH_FILTER = 26
 """SO_ATTACH_FILTER of Linux, which Python does not name."""
 PROCESS = Path("/proc/self")
-SLEEPING = "S"
-"""Of the states of proc_pid_stat(5)."""
+SLEEPING, GONE = "S", ""
+"""The first is one of the states of proc_pid_stat(5)."""
 
 
 class FilterError(Exception):
@@ -41,7 +41,7 @@ def at_rest(descriptor: int, threads: frozenset[int]) -> bool:
             udp.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
         except BlockingIOError:
             # Asked after the socket: a thread that sleeps now has done with the last datagram.
-            return all(_state(thread) == SLEEPING for thread in threads)
+            return all(_state(thread) in (SLEEPING, GONE) for thread in threads)
     return False
 
 
@@ -89,7 +89,10 @@ def _numbers(folder: str) -> frozenset[int]:
 
 def _state(thread: int) -> str:
     """Return the letter by which the kernel says what a thread does."""
-    stat = (PROCESS / "task" / str(thread) / "stat").read_text()
+    try:
+        stat = (PROCESS / "task" / str(thread) / "stat").read_text()
+    except OSError:
+        return GONE
     return stat.rpartition(")")[2].split()[0]
 
 

@@ -104,6 +104,25 @@ def test_bench_view_counts_what_the_page_costs_and_that_nothing_is_lost(tmp_path
     assert 0.0 < p50 <= p99 <= longest
 
 
+def test_bench_flood_sees_nobody_die_and_nothing_lost(tmp_path):
+    rows = klab_json("bench", "flood", "--minutes", "0.05", "--out", tmp_path / "flood")
+    assert list(rows) == ["without a flood", "flooded"]
+    quiet, flooded = rows.values()
+    assert quiet["datagrams"] == quiet["refused"] == 0
+    assert flooded["datagrams"] > 1000
+    assert flooded["refused"] > 0
+    for row, run in ((quiet, "quiet"), (flooded, "flooded")):
+        assert row["death"] == ""
+        assert row["camera_frames_lost"] == row["lost"] == 0
+        cameras = SessionLog(tmp_path / "flood" / run / "session.lcm", salvage=True).channels[
+            "R1_MOCAP_POSE"
+        ]
+        assert row["camera_frames"] == cameras.count - cameras.unreadable > 3 * 240
+        for cost in (row["cpu_share"], row["memory_mb"]):
+            assert set(cost) == {"plant", "onboard", "logger", "sampler"}
+            assert min(cost.values()) > 0.0
+
+
 def test_bench_realtime_shows_motor_loop_and_machine_side_by_side(tmp_path):
     found = klab_json("bench", "realtime", "--minutes", "0.05", "--out", tmp_path / "run")
     for name in ("onboard", "pacer"):

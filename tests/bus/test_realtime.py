@@ -144,9 +144,9 @@ def test_a_port_that_another_program_holds_is_explained_however_often_one_asks()
         holder.bind(("0.0.0.0", 0))
         url = f"udpm://239.255.76.67:{holder.getsockname()[1]}?ttl=0"
         deaf = Listener(load_config(overrides=[f"bus.url={url}"]))
-        for _ in range(2):
+        for channel in (channels.ESTOP, channels.ENCODER):
             with pytest.raises(BusError, match="not listen"):
-                deaf.subscribe(channels.ESTOP, lambda _: None)
+                deaf.subscribe(channel, lambda _: None)
             with pytest.raises(BusError, match="not listen"):
                 deaf.spin(0.0)
             with pytest.raises(BusError, match="not listen"):

@@ -233,7 +233,15 @@ def test_log_info_says_how_many_bytes_and_seconds_were_passed_over(runs):
 
 
 def test_doctor_is_content_here():
-    assert "MISSING" not in klab_ok("doctor")
+    said = klab_ok("doctor")
+    assert "MISSING" not in said
+    assert "datagram filter: ok" in said
+
+
+def test_doctor_says_where_no_filter_keeps_hostile_datagrams_off(bus_url):
+    said = klab_ok("doctor", "--url", bus_url.replace("udpm", "mpudpm"))
+    assert "datagram filter: NONE" in said
+    assert "keep strangers off" in " ".join(said.split())
 
 
 @pytest.mark.parametrize(
@@ -256,7 +264,7 @@ def test_doctor_is_content_here():
     ]
     + ["log info", "log plot", "log export", "figure samples"]
     + [f"bench {what}" for what in ("lockstep", "motor", "faults", "dataset", "realtime", "logger")]
-    + ["bench view", "bench stop"]
+    + ["bench view", "bench stop", "bench flood"]
     + [f"dataset {what}" for what in ("make", "info", "export", "import", "sweep")]
     + [f"run {node}" for node in ("plant", "onboard", "logger", "sampler", "controller")],
 )
