@@ -146,22 +146,32 @@ def as_table(rows: dict[str, Row], camera_rate_hz: float, seconds: float) -> Tab
     """Return the figures as a table."""
     from rich.table import Table
 
-    table = Table("lab", title=f"cameras at {camera_rate_hz:g} Hz, {seconds:g} s")
-    columns = ("datagrams/s", "deaths", "camera frames", "frames lost", "lost", "ticks missed")
-    for column in (*columns, "refused", "CPU", "memory"):
-        table.add_column(column, justify="right")
-    for name, row in rows.items():
+    table = Table("", title=f"cameras at {camera_rate_hz:g} Hz, {seconds:g} s")
+    for name in rows:
+        table.add_column(name, justify="right")
+
+    def line(what: str, text: Callable[[Row], str]) -> None:
+        table.add_row(what, *map(text, rows.values()))
+
+    line("datagrams a second", lambda row: f"{row.datagrams_per_s:.0f}")
+    line("deaths", lambda row: row.death or "none")
+    line("camera frames", lambda row: str(row.camera_frames))
+    line("camera frames lost", lambda row: str(row.camera_frames_lost))
+    line("messages lost", lambda row: str(row.lost))
+    line("messages that are none", lambda row: str(row.refused))
+    line("ticks missed", lambda row: f"{row.missed_ticks} of {row.ticks + row.missed_ticks}")
+    for node in NODES:
         table.add_row(
-            name,
-            f"{row.datagrams_per_s:.0f}",
-            row.death or "none",
-            *map(str, row[3:6]),
-            f"{row.missed_ticks} of {row.ticks + row.missed_ticks}",
-            str(row.refused),
-            "\n".join(f"{node} {100.0 * share:.1f} %" for node, share in row.cpu_share.items()),
-            "\n".join(f"{node} {mb:.0f} MB" for node, mb in row.memory_mb.items()),
+            f"CPU of {node}", *(_cost(r.cpu_share, node, 1e2, "%") for r in rows.values())
+        )
+        table.add_row(
+            f"memory of {node}", *(_cost(r.memory_mb, node, 1, "MB") for r in rows.values())
         )
     return table
+
+
+def _cost(costs: dict[str, float], node: str, factor: float, unit: str) -> str:
+    return f"{factor * costs[node]:.1f} {unit}" if node in costs else ""
 
 
 @contextlib.contextmanager
