@@ -74,11 +74,11 @@ def attach(descriptor: int, program: Program) -> None:
     instructions = ctypes.create_string_buffer(packed(program))
     # struct sock_fprog: how many, and where.
     described = struct.pack("@HP", len(program), ctypes.addressof(instructions))
-    with _borrowed(descriptor) as udp:
-        try:
+    try:
+        with _borrowed(descriptor) as udp:
             udp.setsockopt(socket.SOL_SOCKET, ATTACH_FILTER, described)
-        except OSError as error:
-            raise FilterError(f"SO_ATTACH_FILTER: {error.strerror}") from None
+    except OSError as error:
+        raise FilterError(f"the kernel refuses SO_ATTACH_FILTER: {error.strerror}") from None
 
 
 def _numbers(folder: str) -> frozenset[int]:

@@ -1,5 +1,6 @@
 """No datagram ends a process of ours that listens, from its first moment on, or bloats it."""
 
+import re
 import runpy
 import select
 import socket
@@ -15,8 +16,9 @@ import pytest
 
 import lcmtypes
 from koopman_lab.bus.channels import ESTOP
-from koopman_lab.bus.datagram_filter import LARGEST_MESSAGE_BYTES
+from koopman_lab.bus.datagram_filter import LARGEST_MESSAGE_BYTES, datagram_filter
 from koopman_lab.bus.realtime import Listener
+from koopman_lab.bus.receiving_socket import FilterError, attach
 from koopman_lab.config.load import load_config
 from offboard.bench.mutated_datagrams import fragment, mutated, short_message
 
@@ -28,6 +30,8 @@ LEFT_BEHIND = bytes(8) + STOP_NAME + b"\0"
 """No datagram of LCM, whose bytes stay where the library receives the next."""
 NAMED = STOP_NAME + b"\0"
 HUGE = 2**28
+MOST_INSTRUCTIONS = 4096
+"""That the kernel takes in one program."""
 
 HOSTILE = {
     "eight bytes": [LEFT_BEHIND, b"LC02\0\0\0\0"],
@@ -159,6 +163,42 @@ def test_who_listens_to_all_after_a_few_hears_all(bus_url):
         if stranger in overheard:
             break
     assert stranger in overheard
+
+
+def test_more_names_than_the_kernel_takes_are_all_heard(bus_url):
+    config = load_config(overrides=[f"bus.url={bus_url}"])
+    listener, speaker, heard = Listener(config), Listener(config), []
+    names = [f"R1_NUMBER_{number}" for number in range(1000)]
+    assert len(datagram_filter(names)) > MOST_INSTRUCTIONS
+    listener._bus.subscribe_exactly(dict.fromkeys(names, lambda name, _: heard.append(name)))
+    assert listener.filter_fault() == ""
+    for _ in range(200):
+        speaker._bus.publish(names[-1], bytes(8))
+        speaker._bus.publish("R1_NUMBER_", b"")
+        listener.spin(0.05)
+        if heard:
+            break
+    assert set(heard) == {names[-1]}
+
+
+def test_a_kernel_that_refuses_is_said_in_words():
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp,
+        pytest.raises(FilterError, match="SO_ATTACH_FILTER: Invalid argument"),
+    ):
+        attach(udp.fileno(), ())
+
+
+def test_nobody_opens_lcm_past_the_filter():
+    opening = re.compile(r"\blcm\.LCM\(|from lcm import")
+    root = Path(__file__).parents[2]
+    sources = [
+        p for room in ("koopman_lab", "onboard", "offboard") for p in (root / room).rglob("*.py")
+    ]
+    assert len(sources) > 300
+    filtered = "class FilteredBus(lcm.LCM)"
+    assert [p.name for p in sources if opening.search(p.read_text())] == []
+    assert [p.name for p in sources if filtered in p.read_text()] == ["filtered_bus.py"]
 
 
 def test_a_message_in_fragments_arrives(bus_url):
