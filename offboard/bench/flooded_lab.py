@@ -123,6 +123,7 @@ def measure(
                 raise
             death = str(error)
         if flood is not None:
+            flood.terminate()
             count, flood_s = json.loads(flood.communicate()[0] or "[0, 0.0]")
             sent = count, flood_s
     channels = SessionLog(folder.log, salvage=True).channels
