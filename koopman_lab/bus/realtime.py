@@ -90,7 +90,7 @@ class RealtimePort(BasePort):
         return lambda _, data: deliver(data, self.bus_us())
 
     def drain(self) -> None:
-        """Handle everything that has arrived."""
+        """Handle what has arrived; of very much, a part."""
         drain(self.bus)
 
 
@@ -277,7 +277,7 @@ class Listener:
         return self._port.now_us()
 
     def spin(self, timeout_s: float) -> bool:
-        """Wait for messages, handle all that have arrived; return whether there were any."""
+        """Wait for messages, handle what has arrived; return whether there were any."""
         readable, _, _ = select.select([self._bus.fileno()], (), (), timeout_s)
         if readable:
             drain(self._bus)

@@ -17,8 +17,10 @@ import pytest
 import lcmtypes
 from koopman_lab.bus.channels import ESTOP
 from koopman_lab.bus.datagram_filter import LARGEST_MESSAGE_BYTES, datagram_filter
+from koopman_lab.bus.filtered_bus import QUEUE_CAPACITY
+from koopman_lab.bus.multicast import MOST_AT_ONCE
 from koopman_lab.bus.realtime import Listener
-from koopman_lab.bus.receiving_socket import FilterError, attach
+from koopman_lab.bus.receiving_socket import FilterError, at_rest, attach
 from koopman_lab.config.load import load_config
 from offboard.bench.mutated_datagrams import fragment, mutated, short_message
 
@@ -179,6 +181,28 @@ def test_more_names_than_the_kernel_takes_are_all_heard(bus_url):
         if heard:
             break
     assert set(heard) == {names[-1]}
+
+
+def test_a_flood_neither_fills_the_memory_of_who_looks_away_nor_keeps_it_for_good(bus_url):
+    config = load_config(overrides=[f"bus.url={bus_url}"])
+    listener, speaker, heard = Listener(config), Listener(config), []
+    listener._bus.subscribe_exactly({"R1_FLOOD": lambda _, data: heard.append(data)})
+    for _ in range(QUEUE_CAPACITY // 100 + 100):
+        for _ in range(100):
+            speaker._bus.publish("R1_FLOOD", b"")
+        wait_until_read(listener)
+    handled = []
+    while listener.spin(0.0):
+        handled.append(len(heard))
+    assert handled == [MOST_AT_ONCE, 2 * MOST_AT_ONCE, QUEUE_CAPACITY]
+
+
+def wait_until_read(listener):
+    """Wait until the library's thread has taken all that came, so that the kernel loses nothing."""
+    for _ in range(10_000):
+        if at_rest(listener._bus._socket, frozenset()):
+            return
+    pytest.fail("the library does not read")
 
 
 def test_a_kernel_that_refuses_is_said_in_words():
