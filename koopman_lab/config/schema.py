@@ -106,7 +106,7 @@ class Mocap(Section):
     rate_hz: Annotated[
         Rate,
         Bounds(
-            *(10.0, 2000.0, "Hz", "tracking would be lost from frame to frame"),
+            *(10.0, 10_000.0, "Hz", "tracking would be lost from frame to frame"),
             "no motion-capture cameras are so fast",
         ),
     ]

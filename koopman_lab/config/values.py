@@ -50,7 +50,7 @@ TrackingTimeout = Annotated[
 ]
 """Age over which a camera frame counts for nothing."""
 
-Coordinate = Annotated[Finite, Bounds(-50.0, 50.0, "m", NO_CAMERAS, NO_CAMERAS)]
+Coordinate = Annotated[Finite, Bounds(-100.0, 100.0, "m", NO_CAMERAS, NO_CAMERAS)]
 Angle = Annotated[Finite, Bounds(-1000.0, 1000.0, "rad")]
 PoseValues = tuple[Coordinate, Coordinate, Angle]
 """A pose (m, m, rad)."""

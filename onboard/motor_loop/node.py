@@ -7,6 +7,7 @@ import struct
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
+from koopman_lab.bus.stamp_gate import StampGate
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.eventlog.older_layouts import in_present_layout
 from koopman_lab.geometry.planar import body_velocity
@@ -28,6 +29,7 @@ class OnboardNode:
         self._command = robot_type(config.robot.kind).commanded()
         self._rates = config.motor_loop
         self._duties = lcmtypes.motor_command_t()
+        self._encoder_gate = StampGate(channels.ENCODER)
 
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
@@ -46,6 +48,8 @@ class OnboardNode:
         self._send_duties(0.0, 0.0, self._port.now_us())
 
     def _on_encoder(self, message: lcmtypes.encoder_t) -> None:
+        if not self._encoder_gate.admits(message.utime, self._port.now_us()):
+            return
         self.loop.encoder(message.utime, message.left_count, message.right_count, message.battery_v)
 
     def _on_estop(self, name: str, data: bytes, arrived_us: int) -> None:

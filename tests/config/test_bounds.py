@@ -166,7 +166,7 @@ def test_no_guard_can_be_set_so_that_it_is_none(name):
             "motor_loop.limits.a_m_per_s2: 1000 is more than 50: no wheel holds the floor so hard",
         ),
         ("controller.tracking_timeout_s=1e9", "is more than 1 s: a robot at full speed would roll"),
-        ("floor.x1_m=[-1e9, 1]", "floor.x1_m.0: -1e+09 is less than -50 m: no cameras see so far"),
+        ("floor.x1_m=[-1e9, 1]", "floor.x1_m.0: -1e+09 is less than -100 m: no cameras see so far"),
     ],
 )
 def test_the_message_says_what_would_be_so_bad(override, said):

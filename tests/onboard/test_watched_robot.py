@@ -60,7 +60,7 @@ def test_who_is_told_nothing_or_nothing_new_sees_nothing():
     robot, truth = WatchedRobot(), lcmtypes.plant_truth_t()
     assert hidden(robot, 0)
     truth.utime = 1_000_000
-    robot._on_truth(truth)
+    robot.take(truth, truth.utime)
     for age_us in (-OLDEST_TRUTH_US, 0, OLDEST_TRUTH_US):
         assert not hidden(robot, truth.utime + age_us)
     for age_us in (-OLDEST_TRUTH_US - 1, OLDEST_TRUTH_US + 1):
