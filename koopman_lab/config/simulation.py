@@ -113,7 +113,7 @@ class Fault(Section):
 class PlannedFault(Fault):
     """A fault that comes by itself."""
 
-    at_s: Annotated[Seconds, Bounds(0.0, 30.0 * DAY_S, "s")]
+    at_s: Annotated[Finite, Field(ge=0), Bounds(0.0, 30.0 * DAY_S, "s")]
 
 
 class Motor(Section):
