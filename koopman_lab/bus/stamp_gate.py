@@ -18,6 +18,8 @@ NO_CLOCK_US = 2**61
 """Beyond this it is no clock; below, differences of any two fit into 64 bits."""
 SAID_US = US_PER_S
 """So long after a stamp that was refused its clock is still named."""
+LONG_S = 100.0
+"""From here on tenths of a second say nothing."""
 UNITS = (("ms", 1e3), ("s", 1e6), ("ns", 1e-3))
 """In which stamps come by mistake, and what makes us of them."""
 
@@ -94,4 +96,5 @@ def clock_text(clock: str, stamped_us: int, now_us: int) -> str:
             return f"the {clock} stamps in {unit} instead of us"
     off_s = (stamped_us - now_us) / US_PER_S
     side = "ahead of" if off_s > 0 else "behind"
-    return f"the {clock} is {abs(off_s):.1f} s {side} this computer's clock"
+    digits = 0 if abs(off_s) >= LONG_S else 1
+    return f"the {clock} is {abs(off_s):.{digits}f} s {side} this computer's clock"

@@ -20,7 +20,7 @@ NOW_US = 1_700_000_000_000_000
     ("utime", "says"),
     [
         (NOW_US + 30_000_000, "30.0 s ahead of this computer's clock"),
-        (NOW_US - HOUR_US, "3600.0 s behind this computer's clock"),
+        (NOW_US - HOUR_US, "3600 s behind this computer's clock"),
         (NOW_US // 1000, "stamps in ms instead of us"),
         (NOW_US // 1_000_000, "stamps in s instead of us"),
         (NOW_US * 1000, "stamps in ns instead of us"),
