@@ -30,6 +30,8 @@ class Speakers:
         self.ahead_us, self.silent, self.stuck_us = 0, set(), None
         self.status = STATUS()
         self.frames = 0
+        self.stray = []
+        """Frames to say once, after those of a step."""
         self.off_us = {}
         """By channel: how far its stamps are ahead."""
 
@@ -48,6 +50,8 @@ class Speakers:
             self.frames += 1
             for _ in range(2 if self.twice else 1):
                 self.say(channels.MOCAP_POSE, pose)
+        while self.stray:
+            self.say(channels.MOCAP_POSE, self.stray.pop())
         wheels = lcmtypes.wheel_state_t()
         wheels.utime = now_us - 25_000 + self.off_us.get(channels.WHEEL_STATE.suffix, 0)
         self.say(channels.WHEEL_STATE, wheels)
@@ -203,7 +207,7 @@ def test_one_message_of_another_time_is_passed_over(channel, what):
         assert bench.after(0.05) is None
 
 
-@pytest.mark.parametrize("what", HOSTILE)
+@pytest.mark.parametrize("what", [what for what in HOSTILE if "just inside" not in what])
 def test_one_recorded_frame_of_another_time_does_not_stop_a_session(what):
     bench = Bench()
     assert bench.after(2.0) is None
@@ -211,10 +215,7 @@ def test_one_recorded_frame_of_another_time_does_not_stop_a_session(what):
     now_us = bench.lab.now_us
     frame.utime = max(-(2**63), min(2**63 - 1, HOSTILE[what](now_us)))
     frame.x1_m, frame.tracking_valid = 0.3, True
-    frame.sequence = bench.speakers.frames
-    bench.lab.send(channels.MOCAP_POSE.name("R1"), frame.encode())
-    if "just inside" in what:
-        return
+    bench.speakers.stray.append(frame)
     for _ in range(20):
         assert bench.after(0.05) is None
 
