@@ -62,3 +62,23 @@ def test_the_board_hears_none_of_them_and_says_that_the_encoders_are_silent(what
     lab.run(1.0)
     assert onboard.loop.fault is not Fault.ENCODERS_SILENT
     assert abs(driver.wheels[-1].utime - lab.now_us) < 100_000
+
+
+def test_the_last_times_that_64_bits_hold_end_no_program():
+    """In the desk's time, which is ahead of the board's, they would be beyond."""
+    config = load_config(robot="kinematic")
+    lab, driver, onboard = Lockstep(config, START_US), Driver(), OnboardNode(config)
+    lab.add(driver)
+    lab.add(onboard)
+    lab.run(0.1)
+    ahead_us, now_us = 30_000_000, lab.now_us
+    pong = lcmtypes.time_pong_t()
+    pong.ping_utime, pong.received_utime, pong.utime = now_us, now_us + ahead_us, now_us + ahead_us
+    lab.send(channels.TIME_PONG.name("R1"), pong.encode())
+    lab.run(0.1)
+    assert abs(driver.wheels[-1].utime - lab.now_us - ahead_us) < 100_000
+    last_us = 2**63 - 10_000_000
+    driver.stamp_of = lambda now: last_us + now - now_us
+    lab.run(1.0)
+    assert onboard.loop.fault in (Fault.NO_FAULT, Fault.ENCODERS_SILENT)
+    assert abs(driver.wheels[-1].utime - now_us - ahead_us) < 200_000
