@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from koopman_lab.config.yaml_text import Key, parse_yaml, read_text
 from koopman_lab.errors import ConfigError
-
-LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""The safe loader; that in C, where PyYAML was built with it, takes a tenth of the time."""
-
-Key = tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -51,25 +45,9 @@ def read_layer(file: Path) -> Layer:
     Raises
     ------
     ConfigError
-        If there is no such file or it is not a YAML mapping.
+        If there is no such file, or it is not a YAML mapping.
     """
     return parse_layer(read_text(file), str(file))
-
-
-def read_text(file: Path) -> str:
-    """Read the text of one file.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such file, or it is no text.
-    """
-    try:
-        return file.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ConfigError(f"{file}: no such configuration file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{file}: cannot be read as a configuration: {error}") from None
 
 
 def parse_layer(text: str, source: str) -> Layer:
@@ -78,40 +56,17 @@ def parse_layer(text: str, source: str) -> Layer:
     Raises
     ------
     ConfigError
-        If it is not a YAML mapping.
+        If it is not a YAML mapping, or one that :func:`~koopman_lab.config.yaml_text.parse_yaml`
+        refuses.
     """
-    try:
-        loader = LOADER(text)
-        try:
-            root = loader.get_single_node()
-            values = None if root is None else loader.construct_document(root)
-        finally:
-            loader.dispose()
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"{source}:{mark.line + 1}" if mark else source
-        reason = getattr(error, "problem", None) or str(error)
-        raise ConfigError(f"{where}: not valid YAML: {reason}") from None
+    values, lines = parse_yaml(text, source)
     if values is None:
         return Layer(source, {}, {})
     if not isinstance(values, dict):
         raise ConfigError(
             f"{source}:1: expected sections such as 'controller:', found a single value"
         )
-    return Layer(source, values, dict(_lines(root, ())))
-
-
-def _lines(node: yaml.Node | None, above: Key) -> Iterator[tuple[Key, int]]:
-    if isinstance(node, yaml.MappingNode):
-        for key_node, value_node in node.value:
-            key = (*above, str(key_node.value))
-            yield key, key_node.start_mark.line + 1
-            yield from _lines(value_node, key)
-    elif isinstance(node, yaml.SequenceNode):
-        for index, item in enumerate(node.value):
-            key = (*above, str(index))
-            yield key, item.start_mark.line + 1
-            yield from _lines(item, key)
+    return Layer(source, values, lines)
 
 
 def override_layer(text: str) -> Layer:
@@ -126,10 +81,7 @@ def override_layer(text: str) -> Layer:
     key = tuple(part.strip() for part in dotted.split("."))
     if not equals or not all(key):
         raise ConfigError(f"--set {text}: expected section.key=value, e.g. controller.horizon=40")
-    try:
-        value = yaml.safe_load(value_text)
-    except yaml.YAMLError:
-        raise ConfigError(f"--set {text}: {value_text!r} is not a YAML value") from None
+    value = parse_yaml(value_text, f"--set {text}").value
     for part in reversed(key):
         value = {part: value}
     lines = {key[: i + 1]: 0 for i in range(len(key))}

@@ -15,20 +15,14 @@ import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from koopman_lab.config.layer import (
-    Key,
-    Layer,
-    merge,
-    override_layer,
-    parse_layer,
-    read_layer,
-    read_text,
-)
+from koopman_lab.config.bounds import OUT_OF_BOUNDS
+from koopman_lab.config.layer import Layer, merge, override_layer, parse_layer, read_layer
 from koopman_lab.config.moved_keys import moved, translate
 from koopman_lab.config.presets import Preset
 from koopman_lab.config.robot_defaults import default_layer, robot_layer, robot_preset_layer
 from koopman_lab.config.robot_fit import RobotMisfitError
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.config.yaml_text import Key, read_text
 from koopman_lab.errors import ConfigError
 from koopman_lab.robots.robot_type import RobotType
 from koopman_lab.robots.table import DEFAULT_ROBOT, robot_type
@@ -199,8 +193,8 @@ def _error_text(errors: Sequence[ErrorDetails], layers: Sequence[Layer]) -> str:
             lines.append(f"{where}: {dotted}: unknown key{hint}")
         else:
             reason = error["msg"].removeprefix("Value error, ")
-            reason = reason[0].lower() + reason[1:]
-            no_value = error["type"] == "missing" or not key
+            reason = reason[:1].lower() + reason[1:]
+            no_value = error["type"] in ("missing", OUT_OF_BOUNDS) or not key
             found_text = "" if no_value else f", found {error['input']!r}"
             lines.append(f"{where}: {dotted + ': ' if dotted else ''}{reason}{found_text}")
     return "\n".join(lines)

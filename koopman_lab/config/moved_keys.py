@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from koopman_lab.config.layer import Key, merge
+from koopman_lab.config.layer import merge
+from koopman_lab.config.yaml_text import Key
 
 ABSENT = object()
 """Stands for no value, since None is one."""

@@ -1,31 +1,44 @@
 """The configuration of a lab: frozen models that refuse unknown keys.
 
 What each value means, its unit and where it comes from is said in ``defaults/*.yaml``; this file
-says which values are allowed, `motor_loop` and `simulation` those of their sections.
+says which values are allowed; `motor_loop`, `sampler`, `controller` and `simulation` those of their
+sections.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from koopman_lab.config.cost_table import COSTS, known_cost
+from koopman_lab.config.bounds import Bounds
+from koopman_lab.config.controller import Controller
+from koopman_lab.config.cost_table import COSTS
 from koopman_lab.config.motor_loop import MotorLoop
-from koopman_lab.config.robot_fit import require_fit
+from koopman_lab.config.robot_fit import RobotMisfitError, require_fit
+from koopman_lab.config.sampler import Area, Sampler
 from koopman_lab.config.simulation import Simulation
 from koopman_lab.config.values import (
-    Input,
-    InputBounds,
+    Acceleration,
+    Counting,
+    Duration,
+    Metres,
+    NoiseM,
+    NoiseRad,
     NotNegative,
-    Pair,
-    Positive,
-    Range,
+    PoseValues,
+    Rate,
+    Seconds,
     Section,
-    Triple,
+    Speed,
+    TurnAcceleration,
+    TurnSpeed,
 )
 from koopman_lab.errors import ConfigError
 from koopman_lab.robots.table import robot_type
+
+MOST_M_PER_S2, MOST_RAD_PER_S2 = 50.0, 500.0
+"""Five times what rubber holds; without mass and lag (`ideal`) there is no end."""
 
 
 class Robot(Section):
@@ -33,110 +46,96 @@ class Robot(Section):
 
     name: Annotated[str, Field(pattern=r"^[A-Z][A-Z0-9]{0,15}$")]
     kind: str
-    wheel_radius_m: Positive
-    track_width_m: Positive
+    wheel_radius_m: Annotated[Metres, Bounds(0.002, 0.5, "m")]
+    track_width_m: Annotated[Metres, Bounds(0.01, 5.0, "m")]
 
 
 class Bus(Section):
     """The LCM bus."""
 
     url: str
-    receive_buffer_bytes: Annotated[int, Field(ge=65536)]
-    heartbeat_rate_hz: Positive
+    receive_buffer_bytes: Annotated[
+        int,
+        Field(ge=65536),
+        Bounds(
+            *(65_536, 268_435_456, "bytes"),
+            too_much="what waits there for so long is no news, and the memory is the kernel's",
+        ),
+    ]
+    heartbeat_rate_hz: Annotated[
+        Rate,
+        Bounds(
+            *(1.0, 50.0, "Hz", "after 2 s without a heartbeat a process counts as silent"),
+            "the bus would carry little else",
+        ),
+    ]
 
 
 class ClockSync(Section):
     """How the board finds out what time it is at the desk."""
 
-    ping_rate_hz: Positive
-    window_s: Positive
-    largest_drift_ppm: NotNegative
+    ping_rate_hz: Annotated[
+        Rate,
+        Bounds(
+            *(0.1, 100.0, "Hz", "the board would not know the desk's time for long"),
+            "the radio would carry little else",
+        ),
+    ]
+    window_s: Annotated[
+        Duration,
+        Bounds(
+            *(1.0, 3600.0, "s", "there is nothing to choose the best answer from"),
+            "no crystal keeps its drift for so long",
+        ),
+    ]
+    largest_drift_ppm: Annotated[
+        NotNegative, Bounds(0.0, 1000.0, "ppm", too_much="such a clock is broken")
+    ]
 
 
 class Placement(Section):
     """How exactly a hand places the robot: uniform within plus and minus these."""
 
-    position_m: NotNegative
-    angle_rad: NotNegative
+    position_m: NoiseM
+    angle_rad: NoiseRad
 
 
 class Mocap(Section):
     """The motion-capture cameras."""
 
-    rate_hz: Positive
-
-
-class Area(Section):
-    """A rectangle in the inertial frame, each side as [low, high]."""
-
-    x1_m: Range
-    x2_m: Range
-
-
-class StateSet(Area):
-    """A box of poses and velocities, each as [low, high]."""
-
-    theta_rad: Range
-    v_m_per_s: Range
-    omega_rad_per_s: Range
-
-
-class Sampler(Section):
-    """The calibration session."""
-
-    segments_per_basis: Annotated[int, Field(ge=1)]
-    basis_inputs: Annotated[tuple[Input, ...], Field(min_length=1)]
-    draw_set: StateSet
-    admissible_set: StateSet
-    smallest_steps: Annotated[int, Field(ge=1)]
-    largest_steps: Annotated[int, Field(ge=1)]
-    drive_speed_m_per_s: Positive
-    turn_speed_rad_per_s: Positive
-    acceleration_m_per_s2: Positive
-    turn_acceleration_rad_per_s2: Positive
-    position_tolerance_m: Positive
-    angle_tolerance_rad: Positive
-    settle_s: NotNegative
-    phase_time_limit_s: Positive
-    tracking_timeout_s: Positive
-    wait_limit_s: Positive
-    largest_redraws_in_a_row: Annotated[int, Field(ge=1)]
-
-    @property
-    def indexed_inputs(self) -> dict[int, Input]:
-        """The basis inputs by their index in the paper.
-
-        As many as an input has numbers are u_1, u_2, ... of a driftless robot, whose M_0 is the
-        identity; one more, and they begin with u_0.
-        """
-        m = len(self.basis_inputs[0])
-        return dict(enumerate(self.basis_inputs, start=1 + m - len(self.basis_inputs)))
+    rate_hz: Annotated[
+        Rate,
+        Bounds(
+            *(10.0, 10_000.0, "Hz", "tracking would be lost from frame to frame"),
+            "no motion-capture cameras are so fast",
+        ),
+    ]
 
 
 class InfinityShape(Section):
     """A lying eight at constant speed, from a stand on the straight line to its crossing."""
 
-    start_pose: Triple
-    speed_m_per_s: Positive
-    lap_s: Positive
+    start_pose: PoseValues
+    speed_m_per_s: Speed
+    lap_s: Duration
 
 
 class SquareShape(Section):
     """Four straight sides, a turn on the spot to the left after each."""
 
-    start_pose: Triple
-    speed_m_per_s: Positive
-    side_m: Positive
-    turn_speed_rad_per_s: Positive
+    start_pose: PoseValues
+    speed_m_per_s: Speed
+    side_m: Metres
+    turn_speed_rad_per_s: TurnSpeed
 
 
 class Reference(Section):
     """Runs that models are validated with."""
 
-    runs: Annotated[int, Field(ge=1)]
-    acceleration_m_per_s2: Positive
-    turn_acceleration_rad_per_s2: Positive
-    settle_s: NotNegative
+    runs: Counting
+    acceleration_m_per_s2: Acceleration
+    turn_acceleration_rad_per_s2: TurnAcceleration
+    settle_s: Seconds
     infinity: InfinityShape
     square: SquareShape
 
@@ -144,10 +143,10 @@ class Reference(Section):
 class Processing(Section):
     """From a session log to a data set."""
 
-    dt_s: Positive
-    smoothing_window: Annotated[int, Field(ge=1)]
-    discard_start_s: NotNegative
-    discard_end_s: NotNegative
+    dt_s: Annotated[Duration, Bounds(0.001, 10.0, "s")]
+    smoothing_window: Annotated[Counting, Bounds(1, 100_000)]
+    discard_start_s: Seconds
+    discard_end_s: Seconds
     remove_marker_offset: bool
 
 
@@ -169,66 +168,20 @@ class Model(Section):
     dictionary: Annotated[str, BeforeValidator(_comma_separated)]
 
 
-CostName = Annotated[str, AfterValidator(known_cost)]
-"""A row of the table of costs."""
-
-
-BackEnd = Literal["ddp", "fatrop", "ipopt"]
-"""Names of the solvers of the optimal control problem."""
-
-
-class Weights(Section):
-    """Diagonal weights of one stage cost: q for states (``ds``: observables), r for inputs.
-
-    A single weight in the q of ``ds`` is that of every observable.
-    """
-
-    q: Annotated[tuple[NotNegative, ...], Field(min_length=1)]
-    r: InputBounds
-
-
-class OffsetFree(Section):
-    """What takes the steady error of a model out of the plans."""
-
-    enabled: bool
-    time_constant_s: Positive
-    largest_m_per_s: Positive
-    largest_rad_per_s: Positive
-
-
-class Controller(Section):
-    """The predictive controller."""
-
-    dt_s: Positive
-    horizon: Annotated[int, Field(ge=1, le=1000)]
-    cost: CostName
-    predict: Literal["koopman", "nominal"]
-    reprojection: bool
-    solver: BackEnd
-    use_compiler: bool
-    offset_free: OffsetFree
-    u_max: InputBounds
-    speed_max: InputBounds | None
-    weights: dict[CostName, Weights]
-    parked_position_m: Pair
-    parked_angle_rad: Positive
-    parked_hold_s: NotNegative
-    time_limit_s: Positive
-    tracking_timeout_s: Positive
-    pause_limit_s: NotNegative
-    largest_failures_in_a_row: Annotated[int, Field(ge=1)]
-
-
 class Logger(Section):
     """The node that writes the session log."""
 
-    largest_file_bytes: Annotated[int, Field(ge=1_000_000)]
+    largest_file_bytes: Annotated[
+        int,
+        Field(ge=1_000_000),
+        Bounds(1_000_000, 1_000_000_000_000, "bytes", too_much="no disk holds such a file"),
+    ]
 
 
 class LabConfig(Section):
     """One lab; with a real robot nothing is simulated, and ``simulation`` is None."""
 
-    seed: Annotated[int, Field(ge=0)]
+    seed: Annotated[int, Field(ge=0), Bounds(0, 2**63 - 1)]
     robot: Robot
     bus: Bus
     clock: ClockSync
@@ -267,6 +220,22 @@ class LabConfig(Section):
                 f"simulation.clock.drift_ppm {simulation.clock.drift_ppm:g} is beyond "
                 f"clock.largest_drift_ppm {largest_ppm:g}, so that no error bound would hold"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _brakes_as_motors_can(self) -> LabConfig:
+        """Refuse limits that promise a braking distance of nothing to the guard of the floor."""
+        limits, simulation = self.motor_loop.limits, self.simulation
+        if simulation is not None and simulation.plant.motor.drive != "dc":
+            return self
+        for name, most in (("a_m_per_s2", MOST_M_PER_S2), ("d_omega_rad_per_s2", MOST_RAD_PER_S2)):
+            value = getattr(limits, name)
+            if value > most:
+                raise RobotMisfitError(
+                    f"motor_loop.limits.{name}",
+                    f"{value:g} is more than {most:g}: no wheel holds the floor so hard, and the "
+                    "robot would be believed to stop where it cannot",
+                )
         return self
 
     @model_validator(mode="after")

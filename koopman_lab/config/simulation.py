@@ -11,30 +11,49 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from koopman_lab.config.bounds import Bounds
 from koopman_lab.config.fault_kinds import FAULT_KINDS, FaultKind
 from koopman_lab.config.values import (
+    DAY_S,
+    Duration,
     Finite,
+    NoiseM,
+    NoiseRad,
     NotNegative,
-    Pair,
+    OffsetPose,
+    PoseValues,
     Positive,
+    Rate,
+    Seconds,
     Section,
     Share,
     SpanFromZero,
-    Triple,
 )
+
+ANY_CLOCK_S = 4e9
+"""How far a clock can be off that starts in 1970, or was set to the next century."""
+Mass = Annotated[Finite, Field(gt=0), Bounds(1e-3, 1000.0, "kg")]
+Inertia = Annotated[Finite, Field(gt=0), Bounds(1e-6, 1000.0, "kg m2")]
+WheelInertia = Annotated[Finite, Field(ge=0), Bounds(0.0, 10.0, "kg m2")]
+Torque = Annotated[Finite, Field(ge=0), Bounds(0.0, 100.0, "N m")]
+Voltage = Annotated[Finite, Field(gt=0), Bounds(0.1, 100.0, "V")]
+Factor = Annotated[Finite, Field(gt=0), Bounds(0.01, 100.0)]
+Gain = Annotated[Finite, Bounds(-100.0, 100.0)]
+Events = Annotated[Finite, Field(ge=0), Bounds(0.0, 1e4, "per s")]
+Lag = Annotated[Finite, Field(ge=0), Bounds(0.0, 60.0, "s")]
 
 
 class RadioLink(Section):
     """One direction of the radio; shares are of messages."""
 
-    delay_s: NotNegative
-    jitter_s: NotNegative
+    delay_s: Lag
+    jitter_s: Lag
     loss: Share
     duplication: Share
     reordering: Share
-    held_back_s: NotNegative
-    burst_rate_hz: NotNegative
-    burst_s: NotNegative
+    held_back_s: Lag
+    burst_rate_hz: Events
+    burst_s: Seconds
 
 
 class Radio(Section):
@@ -47,20 +66,20 @@ class Radio(Section):
 class BoardClock(Section):
     """How wrong the board's clock is against the desk's."""
 
-    offset_s: Finite
-    drift_ppm: Finite
+    offset_s: Annotated[Finite, Bounds(-ANY_CLOCK_S, ANY_CLOCK_S, "s")]
+    drift_ppm: Annotated[Finite, Bounds(-1000.0, 1000.0, "ppm")]
 
 
 class Cameras(Section):
     """What the cameras see, and when they say so."""
 
-    latency_s: NotNegative
-    latency_jitter_s: NotNegative
-    position_noise_m: NotNegative
-    angle_noise_rad: NotNegative
-    marker_offset: Triple
+    latency_s: Lag
+    latency_jitter_s: Lag
+    position_noise_m: NoiseM
+    angle_noise_rad: NoiseRad
+    marker_offset: OffsetPose
     lost_frame_share: Share
-    occlusions_per_s: NotNegative
+    occlusions_per_s: Events
     occlusion_s: SpanFromZero
 
 
@@ -72,7 +91,7 @@ class Fault(Section):
     wheel: Literal["both", "left", "right"] | None = None
     battery_v: Annotated[float, Field(gt=0, le=100)] | None = None
     loss: Share | None = None
-    jump_s: Annotated[float, Field(ge=-1e9, le=1e9)] | None = None
+    jump_s: Annotated[float, Field(ge=-ANY_CLOCK_S, le=ANY_CLOCK_S)] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -94,45 +113,51 @@ class Fault(Section):
 class PlannedFault(Fault):
     """A fault that comes by itself."""
 
-    at_s: NotNegative
+    at_s: Annotated[Finite, Field(ge=0), Bounds(0.0, 30.0 * DAY_S, "s")]
 
 
 class Motor(Section):
     """Both geared motors of the plant; pairs are (left, right), torques are those at the wheel."""
 
     drive: Literal["dc", "instantaneous", "linear"]
-    torque_constant_n_m_per_a: Positive
-    resistance_ohm: Positive
-    gear_ratio: Positive
-    rotor_inertia_kg_m2: NotNegative
-    viscous_friction_n_m_s_per_rad: NotNegative
-    coulomb_friction_n_m: tuple[NotNegative, NotNegative]
-    breakaway_friction_n_m: tuple[NotNegative, NotNegative]
-    gain: Pair
-    command_timeout_s: Positive
+    torque_constant_n_m_per_a: Annotated[Positive, Bounds(1e-5, 100.0, "N m/A")]
+    resistance_ohm: Annotated[Positive, Bounds(1e-3, 1e4, "Ohm")]
+    gear_ratio: Annotated[Positive, Bounds(0.01, 1e4)]
+    rotor_inertia_kg_m2: WheelInertia
+    viscous_friction_n_m_s_per_rad: Torque
+    coulomb_friction_n_m: tuple[Torque, Torque]
+    breakaway_friction_n_m: tuple[Torque, Torque]
+    gain: tuple[Gain, Gain]
+    command_timeout_s: Annotated[
+        Duration,
+        Bounds(
+            *(0.01, 1.0, "s", "duties come no faster"),
+            "a robot whose board died would drive on for 0.6 m",
+        ),
+    ]
 
 
 class Battery(Section):
     """What the motors and the board are fed from."""
 
-    full_v: Positive
-    empty_v: Positive
+    full_v: Voltage
+    empty_v: Voltage
     state_of_charge: Share
-    capacity_ah: Positive
-    resistance_ohm: NotNegative
-    board_current_a: NotNegative
+    capacity_ah: Annotated[Positive, Bounds(1e-4, 1000.0, "Ah")]
+    resistance_ohm: Annotated[NotNegative, Bounds(0.0, 100.0, "Ohm")]
+    board_current_a: Annotated[NotNegative, Bounds(0.0, 100.0, "A")]
 
 
 class Body(Section):
     """Mass, and how the real body differs from what the software believes."""
 
-    mass_kg: Positive
-    inertia_kg_m2: Positive
-    centre_of_mass_ahead_m: Finite
-    wheel_inertia_kg_m2: NotNegative
-    wheel_radius_factor: tuple[Positive, Positive]
-    track_width_factor: Positive
-    slip_angle_rad_s2_per_m: NotNegative
+    mass_kg: Mass
+    inertia_kg_m2: Inertia
+    centre_of_mass_ahead_m: Annotated[Finite, Bounds(-10.0, 10.0, "m")]
+    wheel_inertia_kg_m2: WheelInertia
+    wheel_radius_factor: tuple[Factor, Factor]
+    track_width_factor: Factor
+    slip_angle_rad_s2_per_m: Annotated[NotNegative, Bounds(0.0, 100.0, "rad s2/m")]
 
     @model_validator(mode="after")
     def _can_exist(self) -> Body:
@@ -148,9 +173,22 @@ class Body(Section):
 class Plant(Section):
     """Motors, body and encoders."""
 
-    encoder_rate_hz: Positive
-    largest_step_s: Positive
-    initial_pose: Triple
+    encoder_rate_hz: Annotated[
+        Rate,
+        Bounds(
+            *(10.0, 2000.0, "Hz", "the motor loop would find the encoders silent"),
+            "no driver of such a robot is so fast",
+        ),
+    ]
+    largest_step_s: Annotated[
+        Finite,
+        Field(gt=0),
+        Bounds(
+            *(1e-5, 0.1, "s", "a second would take minutes"),
+            "the equations of the motors would not hold",
+        ),
+    ]
+    initial_pose: PoseValues
     motor: Motor
     battery: Battery
     body: Body

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from koopman_lab.bus.header import smallest_size
 from koopman_lab.bus.publishers import Numbering, Publishers, StreamIdentity, worse
 from koopman_lab.bus.sequence import LARGEST_GAP, LATEST
+from koopman_lab.data.plausible_stamps import plausible
 from koopman_lab.eventlog.message_blocks import Messages
 from koopman_lab.units import US_PER_S
 
@@ -42,7 +43,7 @@ class ChannelSummary:
     gaps
         Places where messages are missing.
     unreadable
-        Messages that are of no layout known here, or damaged.
+        Messages that are of no layout known here, damaged, or of no time that can be.
     publishers, numbering
         How many spoke at once, and how they numbered their messages, where it was worst; see
         :class:`~koopman_lab.bus.publishers.StreamIdentity`.
@@ -71,6 +72,8 @@ def summary_of(messages: Messages, message_type: Any | None) -> ChannelSummary:
     unreadable = 0
     if message_type is not None:
         headers, arrival_us = _headers(messages, message_type)
+        usable = plausible(headers["utime"].astype(np.int64))
+        headers, arrival_us = headers[usable], arrival_us[usable]
         unreadable = len(messages) - len(headers)
         if len(headers):
             times = headers["utime"].astype(np.int64)

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 import lcmtypes
 from koopman_lab.bus.channel import ABOARD, Channel, M
 from koopman_lab.bus.channels import SESSION_INFO, TIME_SYNC, split_name
@@ -13,6 +15,7 @@ from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.channel_summary import summary_of
 from koopman_lab.data.message_arrays import StructuredArray, decode_all, decode_each
+from koopman_lab.data.plausible_stamps import plausible
 from koopman_lab.errors import BusError, ConfigError, LogError
 from koopman_lab.eventlog.eventlog import Damage
 from koopman_lab.eventlog.index import index_files
@@ -26,7 +29,7 @@ class PassedOver(NamedTuple):
     """What of a log nobody can use.
 
     ``damage`` are stretches of bytes; ``unreadable`` is the number of messages by channel that are
-    of no layout known here, or damaged.
+    of no layout known here, damaged, or of no time that can be.
     """
 
     file: Path
@@ -125,7 +128,9 @@ class SessionLog:
     def array(self, channel: Channel[M], *, needed: bool = True) -> StructuredArray:
         """Return the messages of a fixed-size type (N,) in order of arrival.
 
-        A field each as the LCM type names them, in the byte order of this machine.
+        A field each as the LCM type names them, in the byte order of this machine. Messages are
+        left out whose stamps cannot be of the stream's clock
+        (:mod:`~koopman_lab.data.plausible_stamps`).
 
         Raises
         ------
@@ -136,7 +141,8 @@ class SessionLog:
             If the type has no fixed size; use :meth:`messages`.
         """
         decoded: StructuredArray = self._decode(channel, decode_all, needed=needed)
-        return decoded
+        usable = plausible(decoded["utime"].astype(np.int64))
+        return decoded if usable.all() else decoded[usable]
 
     def messages(self, channel: Channel[M]) -> list[M]:
         """Return the decoded messages of any type, in order of arrival; raises as :meth:`array`."""

@@ -22,6 +22,8 @@ from koopman_lab.installation import require
 ARRIVAL = "arrival_us"
 """First column of each CSV file: when the logger received the message (us)."""
 NS_PER_US = 1000
+LATEST_NS = (1 << 64) - 1
+"""MCAP keeps 64 bits of a time, and none before 1970."""
 SEQUENCE_RANGE = 1 << 32
 """MCAP keeps 32 bits of a sequence number."""
 
@@ -79,7 +81,8 @@ def export_csv(events: Iterable[Event], folder: Path) -> Exported:
 def export_mcap(events: Iterable[Event], path: Path) -> Exported:
     """Write an MCAP file whose messages are JSON with a schema, whole or not at all.
 
-    ``publish_time`` is the message's utime and ``log_time`` its time of arrival.
+    ``publish_time`` is the message's utime and ``log_time`` its time of arrival, as far as the
+    format can hold them; the message itself has its utime in full.
 
     Raises
     ------
@@ -112,9 +115,9 @@ def export_mcap(events: Iterable[Event], path: Path) -> Exported:
                 numbers[event.channel] = number
             writer.add_message(
                 channel_id=number,
-                log_time=max(event.timestamp_us, 0) * NS_PER_US,
+                log_time=_nanoseconds(event.timestamp_us),
                 data=json.dumps(values, allow_nan=False).encode(),
-                publish_time=max(values["utime"], 0) * NS_PER_US,
+                publish_time=_nanoseconds(values["utime"]),
                 sequence=values["sequence"] % SEQUENCE_RANGE,
             )
         writer.finish()
@@ -131,6 +134,11 @@ def _decoded(events: Iterable[Event], written: Exported) -> Iterator[_Decoded]:
             yield _Decoded(event, channel, values)
             continue
         written.left_out[event.channel] = written.left_out.get(event.channel, 0) + 1
+
+
+def _nanoseconds(utime_us: int) -> int:
+    """Return a time as MCAP can hold it, or else the first or the last that it can."""
+    return min(max(utime_us, 0) * NS_PER_US, LATEST_NS)
 
 
 def _require_any(written: Exported) -> None:

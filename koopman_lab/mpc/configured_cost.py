@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from koopman_lab.config.controller import Controller
 from koopman_lab.config.cost_table import COSTS, Cost, weighs_states
-from koopman_lab.config.schema import Controller
 from koopman_lab.errors import ConfigError
 from koopman_lab.koopman.dictionary import Dictionary
 from koopman_lab.mpc.stage_costs import StageCost

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import OffsetFree
+from koopman_lab.config.controller import OffsetFree
 from koopman_lab.geometry.planar import wrap_angle
 from koopman_lab.predictors.predictor import PredictionModel
 from koopman_lab.robots.robot_type import POSE_DIM

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import BackEnd, LabConfig
+from koopman_lab.config.controller import BackEnd
+from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ConfigError, ModelError
 from koopman_lab.koopman.dictionary import dictionary
 from koopman_lab.mpc.configured_cost import stage_cost

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import BackEnd
+from koopman_lab.config.controller import BackEnd
 from koopman_lab.errors import ConfigError
 from koopman_lab.mpc import compiled, ddp, stagewise
 from koopman_lab.mpc.ocp import OptimalControlProblem, bounds_for, transcribe

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from koopman_lab.config.schema import Controller
+from koopman_lab.config.controller import Controller
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import ModelError
 from koopman_lab.koopman.model_file import EDMD, ModelFile, read_model_file

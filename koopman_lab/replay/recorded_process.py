@@ -93,6 +93,11 @@ def recorded_process(node_name: str, config: LabConfig, events: Sequence[Event])
         clock = config.require_simulation().clock
         start_us -= round(clock.offset_s * US_PER_S + age_us * clock.drift_ppm * PPM)
     late_us = events[0].timestamp_us - start_us
+    if start_us > events[-1].timestamp_us:
+        raise LogError(
+            f"{name}: stamped {-late_us / US_PER_S:.0f} s after the log begins, when it was over; "
+            f"the clock of the {node_name} was wrong, and when its ticks were run nobody knows"
+        )
     if late_us > LATEST_START_S * US_PER_S:
         # Ticks keep their places; what happened before the log nobody knows.
         start_us += late_us // US_PER_S * US_PER_S

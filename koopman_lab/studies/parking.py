@@ -17,7 +17,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import CostName, LabConfig
+from koopman_lab.config.controller import CostName
+from koopman_lab.config.schema import LabConfig
 from koopman_lab.mpc.receding_horizon import solver_of
 from koopman_lab.mpc.solver import Plan, Solver
 from koopman_lab.predictors.nominal import NominalPrediction

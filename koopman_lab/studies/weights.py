@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.config.change import changed
-from koopman_lab.config.schema import CostName, LabConfig, Weights
+from koopman_lab.config.controller import CostName, Weights
+from koopman_lab.config.schema import LabConfig
 from koopman_lab.koopman.dictionary import Dictionary, dictionary
 from koopman_lab.mpc.configured_cost import stage_weights
 from koopman_lab.predictors.predictor import PredictionModel

@@ -11,7 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import BackEnd, LabConfig
+from koopman_lab.config.controller import BackEnd
+from koopman_lab.config.schema import LabConfig
 from koopman_lab.mpc.rollout import Rollout
 from koopman_lab.mpc.solver import Solver, make_solver
 from koopman_lab.mpc.stage_costs import StageCost, cost_of

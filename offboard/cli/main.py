@@ -42,6 +42,7 @@ COMMANDS = {
     "estop": "offboard.commands.estop:estop",
     "fault": "offboard.commands.fault:fault",
     "doctor": "offboard.commands.doctor:doctor",
+    "config": "offboard.commands.config:app",
     "run": "offboard.cli.run:app",
     "log": "offboard.commands.log:app",
     "dataset": "offboard.commands.data.dataset_commands:app",

@@ -8,6 +8,10 @@ from statistics import median
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 
+LONGEST_ROUND_TRIP_US = US_PER_S
+"""The board takes no later answers."""
+LONGEST_S = 1.0
+"""Over a longer delay nothing is predicted: who stalls for so long is stopped by the board."""
 SOLVES = 20
 """Of which the median counts: a second of them, so that one stall moves nothing."""
 
@@ -30,8 +34,9 @@ class LoopDelay:
         self._solves_s: deque[float] = deque(maxlen=SOLVES)
 
     def set_round_trip(self, round_trip_us: int) -> None:
-        """Take the round trip that the board measured (us)."""
-        self._one_way_s = 0.5 * round_trip_us / US_PER_S
+        """Take the round trip that the board measured (us); what none can be counts for nothing."""
+        if 0 <= round_trip_us <= LONGEST_ROUND_TRIP_US:
+            self._one_way_s = 0.5 * round_trip_us / US_PER_S
 
     def add_step_duration(self, solve_s: float) -> None:
         """Take the time from the beginning of a step until its command was sent (s)."""
@@ -44,4 +49,5 @@ class LoopDelay:
 
     def estimate_s(self) -> float:
         """Return the delay to expect of the next command (s)."""
-        return (median(self._solves_s) if self._solves_s else 0.0) + self.after_sending_s
+        solve_s = median(self._solves_s) if self._solves_s else 0.0
+        return min(LONGEST_S, solve_s + self.after_sending_s)

@@ -72,6 +72,8 @@ class StateEstimator:
         self._oldest_wheels_us = oldest_wheels_s(config) * US_PER_S
         self._theta: float | None = None
         self._measured: NDArray[np.float64] | None = None
+        self._seen: tuple[Pose, Speeds | None] | None = None
+        """The newest complete measurement, in the inertial frame."""
         self._inputs = InputHistory(self._robot.input_dim)
 
     def update(self, frames: Iterable[Frame], wheels: WheelSpeeds | None, now_us: int) -> None:
@@ -98,10 +100,11 @@ class StateEstimator:
         return x
 
     def move_goal(self, goal: Pose) -> None:
-        """Give the state relative to another goal from the next measurement on."""
+        """Give the state relative to another goal, that of the newest measurement as well."""
         self._goal = goal
         self._theta = None
-        self._measured = None
+        if self._seen is not None:
+            self._measured = self._relative(*self._seen)
 
     def knows_speed(self, now_us: int) -> bool:
         """Return whether the newest wheel odometry is young enough to act on."""
@@ -118,19 +121,24 @@ class StateEstimator:
         self._inputs.add(from_us, u)
 
     def _measure(self, frame: Frame, now_us: int) -> None:
-        pose = relative_to(self._goal, frame.pose)
-        theta = pose.theta
-        if self._theta is not None:
-            theta = self._theta + wrap_angle(pose.theta - self._theta)
-        self._theta = theta
         velocity = None
         if self._drive is not None:
             if self.wheels is None or not self.knows_speed(now_us):
                 return
             velocity = self._velocity_at(frame.utime, self.wheels, self._drive)
-        self._measured = self._robot.state((pose.x1, pose.x2, theta), velocity)
+        self._seen = frame.pose, velocity
+        self._measured = self._relative(frame.pose, velocity)
         self.measured_us = frame.utime
         self.is_measured = True
+
+    def _relative(self, seen: Pose, velocity: Speeds | None) -> NDArray[np.float64]:
+        """Return the state relative to the goal, its angle continued from the one before."""
+        pose = relative_to(self._goal, seen)
+        theta = pose.theta
+        if self._theta is not None:
+            theta = self._theta + wrap_angle(pose.theta - self._theta)
+        self._theta = theta
+        return self._robot.state((pose.x1, pose.x2, theta), velocity)
 
     def _velocity_at(self, at_us: int, wheels: WheelSpeeds, drive: BodyDrive) -> Speeds:
         velocity: Speeds = wheels.velocity

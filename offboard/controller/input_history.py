@@ -45,7 +45,12 @@ class InputHistory:
     def between(
         self, start_us: int, end_us: int, longest_s: float
     ) -> Iterator[tuple[float, NDArray[np.float64]]]:
-        """Yield durations (s), none over ``longest_s``, and the inputs that act in them."""
+        """Yield durations (s), none over ``longest_s``, and the inputs that act in them.
+
+        Of a longer time than :data:`MEMORY_S` only the end: whatever the stamps say, there are so
+        many of them at most.
+        """
+        start_us = max(start_us, end_us - round(MEMORY_S * US_PER_S))
         longest_us = round(longest_s * US_PER_S)
         times, inputs = [start_us, *self._times], [self._none, *self._inputs]
         for k, u in enumerate(inputs):

@@ -13,12 +13,13 @@ from koopman_lab.bus.channel import Channel
 from koopman_lab.bus.commanders import commander_name
 from koopman_lab.bus.node import Port
 from koopman_lab.bus.publishers import NamedIdentity, identity_faults
+from koopman_lab.bus.stamp_gate import StampGate
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import ORIGIN, Pose, Velocity, compose, relative_to
 from koopman_lab.units import US_PER_S
 from offboard.desk.camera_stream import CameraStream
 from offboard.desk.commander import ONBOARD_TIMEOUT_S, why_stopped
-from offboard.desk.guard import Guard
+from offboard.desk.guard import OLDEST_WHEELS_US, Guard
 from offboard.desk.interlock import Cause, Interlock
 from offboard.desk.measurements import Frame, WheelSpeeds
 
@@ -81,6 +82,10 @@ class DriveInputs:
         self._robot_in_tracked_frame = relative_to(marker_offset, ORIGIN)
         self._has_offset = marker_offset != ORIGIN
         self._poses: list[lcmtypes.mocap_pose_t] = []
+        self._pose_gate = StampGate(channels.MOCAP_POSE)
+        self._wheel_gate = StampGate(channels.WHEEL_STATE)
+        self._status_gate = StampGate(channels.ONBOARD_STATUS)
+        self._logger_gate = StampGate(channels.LOGGER_STATUS)
         self._status: lcmtypes.onboard_status_t | None = None
         self._logger: lcmtypes.logger_status_t | None = None
         self._status_new_us = self._logger_new_us = 0
@@ -100,8 +105,9 @@ class DriveInputs:
         """Judge what has come since the last step."""
         poses = self._poses
         if self._stream is not None:
-            self._stream.take(poses)
-            self.valid_frames = sum(message.tracking_valid for message in poses)
+            plausible = [m for m in poses if self._pose_gate.admits(m.utime, now_us)]
+            self._stream.take(plausible)
+            self.valid_frames = sum(message.tracking_valid for message in plausible)
         self.frame = self.guard.see_frames(self._newest_first(), now_us, driving=driving)
         poses.clear()
         # Asked in any case: from it the guard knows when a drive begins and ends.
@@ -129,7 +135,8 @@ class DriveInputs:
         """Return why the motor loop would take no commands, or nobody would write them down."""
         status = self.status(now_us)
         if status is None:
-            return Interlock("onboard loop silent", cause=Cause.SILENCE)
+            clock = self._status_gate.complaint(now_us)
+            return Interlock(clock or "onboard loop silent", cause=Cause.SILENCE)
         why = why_stopped(status)
         if why is not None:
             return Interlock(f"onboard loop stopped: {why}", lasting=True, cause=Cause.HELD)
@@ -139,8 +146,18 @@ class DriveInputs:
             return Interlock(held, lasting=True, cause=Cause.HELD)
         logger, limit_us = self._logger, LOGGER_TIMEOUT_S * US_PER_S
         if logger is None or not is_fresh(logger.utime, self._logger_new_us, now_us, limit_us):
-            return Interlock("logger silent", cause=Cause.SILENCE)
-        return None
+            clock = self._logger_gate.complaint(now_us)
+            return Interlock(clock or "logger silent", cause=Cause.SILENCE)
+        # Without its stamps the wheels count as lost; what is lost is said, before who needs it.
+        clock = self._wheel_gate.complaint(now_us)
+        return (
+            Interlock(clock, cause=Cause.SILENCE) if clock and self._lacks_wheels(now_us) else None
+        )
+
+    def _lacks_wheels(self, now_us: int) -> bool:
+        """Return whether the newest usable odometry is too old for its clock to be right now."""
+        wheels = self.wheels
+        return wheels is None or not is_current(wheels.utime, now_us, OLDEST_WHEELS_US)
 
     def _say(self, interlock: Interlock, now_us: int) -> None:
         """Publish what forbids driving, as soon as it changes and now and then."""
@@ -185,12 +202,16 @@ class DriveInputs:
             yield Frame(message.utime, pose, message.tracking_valid)
 
     def _on_wheels(self, message: lcmtypes.wheel_state_t) -> None:
+        if not self._wheel_gate.admits(message.utime, self._port.now_us()):
+            return
         velocity = Velocity(message.v_m_per_s, message.omega_rad_per_s)
         self.wheels = WheelSpeeds(message.utime, velocity)
         self.guard.see_wheels(self.wheels)
 
     def _on_status(self, status: lcmtypes.onboard_status_t) -> None:
         now_us = self._port.now_us()
+        if not self._status_gate.admits(status.utime, now_us):
+            return
         if self._status is None or status.utime != self._status.utime:
             self._status_new_us = now_us
         self._status = status
@@ -198,6 +219,9 @@ class DriveInputs:
         self.guard.see_setpoint(setpoint, now_us)
 
     def _on_logger(self, message: lcmtypes.logger_status_t) -> None:
+        now_us = self._port.now_us()
+        if not self._logger_gate.admits(message.utime, now_us):
+            return
         if self._logger is None or message.utime != self._logger.utime:
-            self._logger_new_us = self._port.now_us()
+            self._logger_new_us = now_us
         self._logger = message

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from koopman_lab.config.schema import Area, LabConfig
+from koopman_lab.config.sampler import Area
+from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ConfigError, LabStateError
 from koopman_lab.geometry.planar import Pose
 from offboard.desk.interlock import Cause, Interlock

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable
 
 from koopman_lab.bus.age import is_current, is_fresh
+from koopman_lab.bus.channels import MOCAP_POSE
+from koopman_lab.bus.stamp_gate import INLETS, clock_text
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose, Velocity, wrap_angle
 from koopman_lab.geometry.reach import Reach
@@ -24,8 +26,7 @@ without a person who has to mend it."""
 FROZEN_M, FROZEN_RAD = 0.02, 0.1
 """So far no robot rolls or turns without that a camera sees the least of it."""
 NO_FRAMES = "no camera frames"
-UNITS = (("ms", 1e3), ("s", 1e6), ("ns", 1e-3))
-"""In which stamps come by mistake, and what makes us of them."""
+CLOCK = INLETS[MOCAP_POSE.suffix].clock
 
 
 class FrameGate:
@@ -117,7 +118,7 @@ class FrameGate:
         elif not all(map(math.isfinite, frame.pose)):
             self._sees = "the cameras send poses that are no numbers"
         elif not is_current(frame.utime, now_us, self._timeout_us):
-            self._sees = stamped_text(frame.utime, now_us)
+            self._sees = clock_text(CLOCK, frame.utime, now_us)
         elif self.believed is not None and frame.utime <= self.believed.utime:
             self._sees = "the camera frames bear no new stamps"
         else:
@@ -159,16 +160,6 @@ class FrameGate:
         else:
             self._frozen_m += rolled.v
             self._frozen_rad += rolled.omega
-
-
-def stamped_text(utime: int, now_us: int) -> str:
-    """Return in words how wrong the stamp (us) of a frame is that arrives now (us)."""
-    for unit, factor in UNITS:
-        if now_us and abs(utime * factor / now_us - 1.0) < 0.01:
-            return f"the camera frames are stamped in {unit} instead of us"
-    off_s = (utime - now_us) / US_PER_S
-    side = "ahead of" if off_s > 0 else "behind"
-    return f"the camera frames are stamped {abs(off_s):.1f} s {side} this computer's clock"
 
 
 def jump_text(before: Pose, after: Pose) -> str:

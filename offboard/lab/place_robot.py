@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import lcmtypes
 from koopman_lab.bus.channels import MOCAP_POSE, PLANT_RESET
 from koopman_lab.bus.realtime import Listener
+from koopman_lab.bus.stamp_gate import StampGate
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import Pose
@@ -28,6 +29,7 @@ def place(listener: Listener, config: LabConfig, start: Pose, *, by_hand: bool) 
         If the cameras are silent, or do not see the robot there.
     """
     frames: list[lcmtypes.mocap_pose_t] = []
+    gate = StampGate(MOCAP_POSE)
     listener.subscribe(MOCAP_POSE, frames.append)
     for _ in range(1 if by_hand else TRIES):
         asked_us = listener.now_us()
@@ -45,11 +47,13 @@ def place(listener: Listener, config: LabConfig, start: Pose, *, by_hand: bool) 
                 raise LabStateError(
                     f"{MOCAP_POSE.name(config.robot.name)}: silent; are the cameras running?"
                 )
-            if any(_shows_robot_at(m, start, config) for m in frames if m.utime > asked_us):
+            new = [m for m in frames if m.utime > asked_us and gate.admits(m.utime, now_us)]
+            if any(_shows_robot_at(frame, start, config) for frame in new):
                 return
+    seen = gate.complaint(listener.now_us()) or _seen_text(frames)
     remedy = "place it there by hand." if by_hand else "is another plant on this bus?"
     raise LabStateError(
-        f"the cameras do not see the robot at {_text(start)}, {_seen_text(frames)}; {remedy} Or "
+        f"the cameras do not see the robot at {_text(start)}, {seen}; {remedy} Or "
         "see whether the axes of their frame and the orientation of the rigid body are right"
     )
 

@@ -6,7 +6,8 @@ import math
 from typing import Any
 
 import lcmtypes
-from koopman_lab.config.schema import LabConfig, StateSet
+from koopman_lab.config.sampler import StateSet
+from koopman_lab.config.schema import LabConfig
 from offboard.monitor.headline import SAMPLER_PHASES, state_name
 from offboard.monitor.process_states import ProcessState
 from offboard.monitor.streams import Flow

@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 
 import lcmtypes
 from koopman_lab.bus import channels
+from koopman_lab.bus.age import is_current
 from koopman_lab.bus.channel import Channel
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import ConfigError
+from koopman_lab.errors import LabError
 from koopman_lab.units import US_PER_S
 from offboard.monitor import headline
 from offboard.monitor.collected_segments import CollectedSegments, Point
@@ -39,6 +40,8 @@ YOUNG_S = 1.0
 """What is older is shown no more as what is."""
 TABLES_S = 0.5
 """A person reads no faster."""
+LEARNS_US = 500_000
+"""So often a configuration is read that is another one: whoever invents them costs little here."""
 
 
 class _Tables(NamedTuple):
@@ -92,6 +95,7 @@ class RobotView:
         self._beats = {c.suffix: node for node, c in channels.HEARTBEATS.items()}
         self._config_yaml = ""
         self._config_trouble = ""
+        self._learned_us: int | None = None
         self._assumed = not known
         self._heard_us: int | None = None
         self._row_due_us = 0
@@ -107,7 +111,7 @@ class RobotView:
         if latest is not None:
             latest.take(data, arrived_us)
             if latest is self._info:
-                self._learn_config()
+                self._learn_config(arrived_us)
         elif channel is channels.SAMPLER_STATE:
             self._sampler.take(data, arrived_us)
             state = self._sampler.read()
@@ -198,16 +202,19 @@ class RobotView:
             "processes": tables.processes,
         }
 
-    def _learn_config(self) -> None:
+    def _learn_config(self, now_us: int) -> None:
+        if self._learned_us is not None and is_current(self._learned_us, now_us, LEARNS_US):
+            return
         info = self._info.read()
         if info is None or info.config_yaml == self._config_yaml:
             return
+        self._learned_us = now_us
         self._config_yaml, self._config_trouble = info.config_yaml, ""
         try:
             self.config = parse_config(info.config_yaml, channels.SESSION_INFO.name(self.name))
             self._config_facts = config_facts(self.config)
             self._assumed = False
-        except ConfigError:
+        except LabError:
             self._config_trouble = (
                 "the session's configuration is none of this version; sets and limits shown are "
                 "those of the viewer"

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from koopman_lab.config import schema
-from koopman_lab.config.schema import LabConfig, StateSet
+from koopman_lab.config import sampler
+from koopman_lab.config.sampler import StateSet
+from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import REST, Pose, Velocity, move_along_arc, wrap_angle
 from koopman_lab.robots.table import robot_type
 from offboard.desk.floor import require_sets_on_floor
@@ -55,7 +56,7 @@ class Planner:
 
     def __init__(self, config: LabConfig, rng: np.random.Generator) -> None:
         require_sets_on_floor(config)
-        self._sampler: schema.Sampler = config.sampler
+        self._sampler: sampler.Sampler = config.sampler
         self._dt_s = config.controller.dt_s
         robot = robot_type(config.robot.kind)
         self._drive = robot.on_two_wheels("the sampler")

@@ -54,7 +54,8 @@ def show_unreadable(file: Path, unreadable: Mapping[str, int]) -> None:
     if unreadable:
         counts = ", ".join(f"{count} of {one_line(name)}" for name, count in unreadable.items())
         err.print(
-            f"{file}: passed over messages of layouts unknown to this version, or damaged: {counts}"
+            f"{file}: passed over messages of layouts unknown to this version, damaged, or of "
+            f"times that cannot be: {counts}"
         )
 
 

@@ -7,6 +7,7 @@ import struct
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
+from koopman_lab.bus.stamp_gate import StampGate
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.eventlog.older_layouts import in_present_layout
 from koopman_lab.geometry.planar import body_velocity
@@ -28,10 +29,12 @@ class OnboardNode:
         self._command = robot_type(config.robot.kind).commanded()
         self._rates = config.motor_loop
         self._duties = lcmtypes.motor_command_t()
+        self._encoder_gate = StampGate(channels.ENCODER)
 
     def attach(self, port: Port) -> None:
         """Register channels and timers."""
         self._port = port
+        self._ticked_us = port.now_us()
         self._time = DeskTime(port, self._config)
         port.subscribe(channels.ENCODER, self._on_encoder)
         port.subscribe_raw(channels.ESTOP, self._on_estop)
@@ -46,6 +49,9 @@ class OnboardNode:
         self._send_duties(0.0, 0.0, self._port.now_us())
 
     def _on_encoder(self, message: lcmtypes.encoder_t) -> None:
+        # The tick before is near enough, and costs no look at the clock.
+        if not self._encoder_gate.admits(message.utime, self._ticked_us):
+            return
         self.loop.encoder(message.utime, message.left_count, message.right_count, message.battery_v)
 
     def _on_estop(self, name: str, data: bytes, arrived_us: int) -> None:
@@ -78,6 +84,7 @@ class OnboardNode:
         return Command(m.utime, m.sequence, m.commander, Intent(m.intent), u1, u2)
 
     def _on_tick(self, tick_us: int) -> None:
+        self._ticked_us = tick_us
         left, right = self.loop.tick(tick_us)
         self._send_duties(left, right, tick_us)
 

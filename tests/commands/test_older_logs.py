@@ -64,7 +64,8 @@ def test_unknown_types_that_are_not_needed_are_counted_and_passed_over(tmp_path)
     log = rewritten(CALIBRATION, tmp_path / "log.lcm", unknown("R1_WHEEL_STATE", "R1_TIME_SYNC"))
     counts = {name: SessionLog(log).channels[name].count for name in SessionLog(log).channels}
     words = (
-        f"{log}: passed over messages of layouts unknown to this version, or damaged: "
+        f"{log}: passed over messages of layouts unknown to this version, damaged, or of times "
+        "that cannot be: "
         f"{counts['R1_TIME_SYNC']} of R1_TIME_SYNC, {counts['R1_WHEEL_STATE']} of R1_WHEEL_STATE"
     )
     for command in (

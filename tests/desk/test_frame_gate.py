@@ -6,7 +6,7 @@ import pytest
 
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import REST, Pose, Velocity
-from offboard.desk.frame_gate import SETTLED_S, FrameGate, jump_text, stamped_text
+from offboard.desk.frame_gate import SETTLED_S, FrameGate, jump_text
 from offboard.desk.interlock import Cause
 from offboard.desk.measurements import Frame
 
@@ -20,14 +20,13 @@ NOW_US = 1_700_000_000_000_000
     ("utime", "says"),
     [
         (NOW_US + 30_000_000, "30.0 s ahead of this computer's clock"),
-        (NOW_US - HOUR_US, "3600.0 s behind this computer's clock"),
-        (NOW_US // 1000, "stamped in ms instead of us"),
-        (NOW_US // 1_000_000, "stamped in s instead of us"),
-        (NOW_US * 1000, "stamped in ns instead of us"),
+        (NOW_US - HOUR_US, "3600 s behind this computer's clock"),
+        (NOW_US // 1000, "stamps in ms instead of us"),
+        (NOW_US // 1_000_000, "stamps in s instead of us"),
+        (NOW_US * 1000, "stamps in ns instead of us"),
     ],
 )
 def test_a_stamp_that_is_wrong_is_said_with_its_unit_or_by_how_much(utime, says):
-    assert says in stamped_text(utime, NOW_US)
     gate = FrameGate(CONFIG, 0.1)
     assert gate.update([Frame(utime, Pose(0, 0, 0), True)], NOW_US, REST, driving=False) is None
     assert says in gate.interlock(NOW_US).reason

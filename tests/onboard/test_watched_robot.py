@@ -2,6 +2,8 @@
 
 import math
 
+import pytest
+from hostile_times import HOSTILE
 from tests_support import Eye, Script
 
 import lcmtypes
@@ -60,8 +62,20 @@ def test_who_is_told_nothing_or_nothing_new_sees_nothing():
     robot, truth = WatchedRobot(), lcmtypes.plant_truth_t()
     assert hidden(robot, 0)
     truth.utime = 1_000_000
-    robot._on_truth(truth)
+    robot.take(truth, truth.utime)
     for age_us in (-OLDEST_TRUTH_US, 0, OLDEST_TRUTH_US):
         assert not hidden(robot, truth.utime + age_us)
     for age_us in (-OLDEST_TRUTH_US - 1, OLDEST_TRUTH_US + 1):
         assert hidden(robot, truth.utime + age_us)
+
+
+@pytest.mark.parametrize("what", [what for what in HOSTILE if "just inside" not in what])
+def test_news_of_another_time_hide_no_robot_and_hand_out_no_frames(what):
+    robot, called, now_us = WatchedRobot(), [], 1_700_000_000_000_000
+    robot.after_tick.append(called.append)
+    for utime in (now_us, HOSTILE[what](now_us)):
+        truth = lcmtypes.plant_truth_t()
+        truth.utime = utime
+        robot.take(truth, now_us)
+    assert called == [now_us]
+    assert not hidden(robot, now_us)

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from koopman_lab.config.moved_keys import translate
+from koopman_lab.config.yaml_text import parse_yaml
 from koopman_lab.errors import DataError
 
 Array = NDArray[np.float64]
@@ -119,7 +119,7 @@ def _parse_file(path: Path, text: str) -> Any:
     if path.suffix == ".json":
         return json.loads(text)
     if path.suffix == ".yaml":
-        return yaml.safe_load(text)
+        return parse_yaml(text, str(path)).value
     return list(csv.DictReader(text.splitlines()))
 
 

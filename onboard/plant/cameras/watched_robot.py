@@ -8,6 +8,7 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.age import is_current
 from koopman_lab.bus.node import Port
+from koopman_lab.bus.stamp_gate import StampGate
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.emulation.faults import KINDS
 from koopman_lab.geometry.planar import PlainPose, Pose, move_along_arc
@@ -29,10 +30,11 @@ class WatchedRobot:
         self.after_tick: list[Callable[[int], None]] = []
         """Called with the time (us) of each message."""
         self._truth: lcmtypes.plant_truth_t | None = None
+        self._gate = StampGate(channels.PLANT_TRUTH)
 
     def attach(self, port: Port) -> None:
         """Listen to PLANT_TRUTH."""
-        port.subscribe(channels.PLANT_TRUTH, self._on_truth)
+        port.subscribe(channels.PLANT_TRUTH, lambda truth: self.take(truth, port.now_us()))
 
     def look(self, now_us: int) -> tuple[int, PlainPose, bool]:
         """Return this time (us), the pose (m, m, rad) at it, and whether nothing can be seen.
@@ -47,7 +49,10 @@ class WatchedRobot:
         pose = move_along_arc(before, truth.v_m_per_s * passed_s, truth.omega_rad_per_s * passed_s)
         return now_us, pose, bool(truth.faults & OCCLUSION)
 
-    def _on_truth(self, truth: lcmtypes.plant_truth_t) -> None:
+    def take(self, truth: lcmtypes.plant_truth_t, now_us: int) -> None:
+        """Take news of the robot that arrive now (us); those that are not of now tell nothing."""
+        if not self._gate.admits(truth.utime, now_us):
+            return
         self._truth = truth
         for call in self.after_tick:
             call(truth.utime)
