@@ -12,6 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from page_server import LIMIT_S, serving
 
+from offboard.viewer.server import PAGE
+
 HALF_OPEN = 1050
 PAGE_PARTS = 8
 SECURITY = (
@@ -230,3 +232,15 @@ def test_who_takes_too_long_for_a_request_is_put_out(server):
                     assert not raw.recv(100)
                     break
     assert "no request within 10 s" in said.news()
+
+
+def test_the_page_makes_no_markup_of_what_it_is_told():
+    """Names of the bus become text of the page: no script makes elements of strings."""
+    scripts = sorted(PAGE.glob("*.js"))
+    assert len(scripts) >= 4
+    for script in scripts:
+        assert not re.search(
+            r"innerHTML|outerHTML|insertAdjacentHTML|createContextualFragment|document\.write"
+            r"|setHTML|\beval\(|new Function|\.srcdoc",
+            script.read_text(),
+        ), script
