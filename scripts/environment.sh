@@ -22,7 +22,8 @@ find_python() {
 
 # What the installation depends on; a change of it installs again.
 fingerprint() {
-    (cd "$ROOT" && cat pyproject.toml scripts/generate_types.py lcmtypes/*.lcm | cksum)
+    (cd "$ROOT" && cat pyproject.toml scripts/requirements.lock scripts/generate_types.py \
+        lcmtypes/*.lcm | cksum)
     printf '%s\n' "$ROOT"
 }
 
@@ -41,10 +42,15 @@ make_environment() {
         fi
     fi
     echo "Installing into .venv ..." >&2
-    if ! "$ROOT/.venv/bin/python" -m pip install --quiet --disable-pip-version-check \
-        --editable "$ROOT[dev]" >&2; then
+    # Every file that is installed is one of those whose hashes ./scripts/lock wrote down; what
+    # builds the package is among them, so nothing else is fetched for the build.
+    local install=("$ROOT/.venv/bin/python" -m pip install --quiet --disable-pip-version-check)
+    if ! "${install[@]}" --require-hashes --requirement "$ROOT/scripts/requirements.lock" >&2 ||
+        ! "${install[@]}" --no-deps --no-build-isolation --editable "$ROOT" >&2; then
         fail "Installing the packages failed; the reason stands above." \
-            "Most often there is no connection to the package index, or a proxy must be set."
+            "Most often there is no connection to the package index, or a proxy must be set." \
+            "Where it says that hashes do not match, the index gives other files than those that" \
+            "were tested: do not install them, or choose and test anew with ./scripts/lock."
     fi
     fingerprint > "$stamp"
 }

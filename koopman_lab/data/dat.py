@@ -7,7 +7,6 @@ made also says robot, sampling time, and the run and time of each pair; others n
 
 from __future__ import annotations
 
-import io
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from koopman_lab.config.load import load_config
 from koopman_lab.data.dataset import DataSet
+from koopman_lab.data.number_table import read_number_table
 from koopman_lab.errors import ConfigError, DataError
 from koopman_lab.files import replacing, replacing_folder, write_json
 from koopman_lab.geometry.planar import TAU, wrap_angle
@@ -110,7 +110,7 @@ def read_folder(
         raise DataError(f"{folder}: sampling time {dt_s} s; say the seconds from X to Y with --dt")
     inputs = _inputs(folder, kind, basis_inputs or header.get("basis_inputs"))
     files = {
-        (letter, index): _read(folder / f"{letter}_{index}.dat")
+        (letter, index): _read(folder / f"{letter}_{index}.dat", kind)
         for index in inputs
         for letter in "XY"
     }
@@ -179,26 +179,17 @@ def _inputs(
     return inputs
 
 
-def _read(path: Path) -> Array:
+def _read(path: Path, kind: str) -> Array:
     """Return the table that a file holds, (0, 0) if it is empty."""
-    try:
-        text = path.read_text(encoding="utf-8")
-        # Whoever wrote it may have put commas, semicolons or tabs between the numbers.
-        text = text.translate(str.maketrans(",;\t", "   "))
-        if not text.strip():
-            return np.zeros((0, 0))
-        table = np.loadtxt(io.StringIO(text), ndmin=2, comments=("#", "%"))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from None
-    except ValueError as error:  # also where the bytes are no text
-        raise DataError(f"{path}: not a table of numbers ({error})") from None
-    if not np.isfinite(table).all():
-        row, column = np.argwhere(~np.isfinite(table))[0]
+    table = read_number_table(path)
+    names = robot_type(kind).state_names
+    states = [word for word in table.header if word in names]
+    if sorted(states) == sorted(names) and states != list(names):
         raise DataError(
-            f"{path}: {table[row, column]} in row {row + 1}, column {column + 1}; "
-            "leave such pairs out of X and Y"
+            f"{path}: its header names {', '.join(states)}; write the columns in the order "
+            f"{', '.join(names)}"
         )
-    return table
+    return table.numbers
 
 
 def _as_rows(

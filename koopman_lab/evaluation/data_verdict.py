@@ -26,8 +26,8 @@ from koopman_lab.evaluation.likely_causes import (
 from koopman_lab.evaluation.motion_reasons import data_reasons
 from koopman_lab.evaluation.nominal_motion import NominalMotion, motion_of_data
 from koopman_lab.evaluation.plausibility import Reason, Verdict, verdict
-from koopman_lab.koopman.dictionary import dictionary
-from koopman_lab.koopman.excitation import Excitation, excitation
+from koopman_lab.koopman.dictionary import Dictionary, dictionary
+from koopman_lab.koopman.excitation import Excitation, excitation, remedy
 from koopman_lab.koopman.lifted_samples import add_samples, lifted_samples
 from koopman_lab.koopman.moments import Moments
 from koopman_lab.robots.robot_type import POSE_DIM
@@ -68,7 +68,9 @@ def data_verdict(
         "motion": None if motion is None else motion.as_dict(),
         "excitation": {str(index): _excited(span) for index, span in spans.items()},
     }
-    reasons = [*_of_counts(dataset), *excitation_reasons(spans, dictionary_name)]
+    reasons = [*_of_counts(dataset)]
+    if spans:
+        reasons += excitation_reasons(spans, dictionary(dictionary_name, dataset.robot_kind))
     if motion is not None:
         reasons += _of_motion(dataset, motion, cause_known=cause_known)
     return verdict(reasons, figures)
@@ -106,20 +108,23 @@ def _of_counts(dataset: DataSet) -> Iterator[Reason]:
         )
 
 
-def excitation_reasons(spans: Mapping[int, Excitation], name: str) -> Iterator[Reason]:
+def excitation_reasons(
+    spans: Mapping[int, Excitation], observables: Dictionary
+) -> Iterator[Reason]:
     """Give what keeps samples, by the index of their input, from training a dictionary."""
     for index, span in spans.items():
         if span.samples and span.rank < span.observables:
             yield Reason(
                 "weak",  # with further sessions they may suffice, or for another dictionary
                 f"u_{index}: {span.samples} samples of {span.segments} segments span only "
-                f"{span.rank} of the {span.observables} observables of {name}; record more "
-                "segments from other states, or choose a smaller dictionary",
+                f"{span.rank} of the {span.observables} observables of "
+                f"{observables.name}; {remedy(observables)}",
             )
         elif span.samples and span.condition > GOOD_CONDITION:
             yield Reason(
                 "weak",
-                f"u_{index}: the samples span {name} badly (condition {span.condition:.0f}); "
+                f"u_{index}: the samples span {observables.name} badly (condition "
+                f"{span.condition:.0f}); "
                 "record more segments from other states",
             )
 

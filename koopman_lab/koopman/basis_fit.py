@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from koopman_lab.errors import DataError
 from koopman_lab.koopman.dictionary import Dictionary
 from koopman_lab.koopman.excitation import excitation
-from koopman_lab.koopman.fit import Fit, fit_moments
+from koopman_lab.koopman.fit import Fit, fit_moments, regularises
 from koopman_lab.koopman.lifted_samples import Samples, add_samples
 from koopman_lab.koopman.moments import Moments
 from koopman_lab.koopman.symmetry import equivariant_basis
@@ -64,16 +64,18 @@ def fit_basis(moments: Moments, index: int, dictionary: Dictionary, method: Meth
     ModelError
         If the dictionary cannot be symmetric.
     """
-    if method.symmetric:
-        if not moments.samples:
-            excitation(moments).require_full_rank(index, dictionary)
-        basis = equivariant_basis(dictionary)
-        try:
+    spans = excitation(moments)
+    try:
+        spans.require_samples()
+        if method.symmetric:
+            basis = equivariant_basis(dictionary)
             return fit_moments(moments, ridge=method.ridge, basis=basis)
-        except DataError as error:
-            raise DataError(f"basis input {index}: {error}") from None
-    excitation(moments).require_full_rank(index, dictionary)
-    return fit_moments(moments, ridge=method.ridge)
+        # The pull determines what samples leave open, but no instrument where there is none.
+        if not regularises(method.ridge) or moments.instruments:
+            spans.require_full_rank(dictionary)
+        return fit_moments(moments, ridge=method.ridge)
+    except DataError as error:
+        raise DataError(f"basis input {index}: {error}") from None
 
 
 def moments_of(dictionary: Dictionary, samples: Samples) -> Moments:

@@ -19,6 +19,9 @@ that have nothing to do with each other come to about 0.005."""
 ROUNDING = 1e-12
 """Changes below this share of an observable are none."""
 
+SMALLEST_RIDGE = 1e-20
+"""Below it a pull is lost in rounding: it weighs the square root of this, beside samples of one."""
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -36,6 +39,11 @@ class Fit:
     weakest_instrument: float | None = None
 
 
+def regularises(ridge: float) -> bool:
+    """Return whether a ridge determines what the samples leave open."""
+    return ridge >= SMALLEST_RIDGE
+
+
 def fit_moments(moments: Moments, *, ridge: float = 0.0, basis: Array | None = None) -> Fit:
     """Fit M by least squares, or by instrumental variables where the samples have instruments.
 
@@ -45,7 +53,7 @@ def fit_moments(moments: Moments, *, ridge: float = 0.0, basis: Array | None = N
     Parameters
     ----------
     moments
-        Moments of the samples, which must excite the dictionary.
+        Moments of the samples, which must excite the dictionary where no ridge regularises.
     ridge
         Weight of a Tikhonov term, relative to the mean square of each observable: pulls M towards
         the identity, never the coefficients of the constant, which carry the effect of the input.
@@ -66,7 +74,8 @@ def fit_moments(moments: Moments, *, ridge: float = 0.0, basis: Array | None = N
     if basis is None:
         change = np.linalg.lstsq(np.vstack([a, pull]), np.vstack([b, 0.0 * pull]), rcond=None)[0]
     else:
-        change = _in_subspace(np.vstack([a, pull]), np.vstack([b, 0.0 * pull]), scale, basis)
+        a, b = np.vstack([a, pull]), np.vstack([b, 0.0 * pull])
+        change = _in_subspace(a, b, scale, basis, determined=regularises(ridge))
     M = np.eye(size) + (change / scale[:, None]).T
     constant = np.eye(size)[0]
     residual = float(np.abs(M[0] - constant).max())
@@ -83,7 +92,7 @@ def fit_matrix(psi_x: Array, psi_y: Array) -> Fit:
     return fit_moments(moments)
 
 
-def _in_subspace(a: Array, b: Array, scale: Array, basis: Array) -> Array:
+def _in_subspace(a: Array, b: Array, scale: Array, basis: Array, *, determined: bool) -> Array:
     """Return the scaled change (M, M) with a change = b, of combinations of ``basis``.
 
     The observables share unknowns here, so their errors are weighed: by the root mean square of
@@ -98,10 +107,11 @@ def _in_subspace(a: Array, b: Array, scale: Array, basis: Array) -> Array:
     norms = np.where(norms > 0.0, norms, 1.0)
     values = np.linalg.svd(flat / norms, compute_uv=False)
     rank = int(np.sum(values > SMALLEST_SHARE * values[0]))
-    if rank < len(basis):
+    if rank < len(basis) and not determined:
         raise DataError(
             f"the samples determine only {rank} of the {len(basis)} numbers that a symmetric "
-            "model leaves free; record more segments (`klab calibrate --segments N`)"
+            "model leaves free; record more segments (`klab calibrate --segments N`), or "
+            "regularise the fit (--ridge 1e-4)"
         )
     solution = np.linalg.lstsq(flat / norms, (b * weight).ravel(), rcond=None)[0] / norms
     return np.asarray(np.tensordot(solution, directions, axes=1))

@@ -30,6 +30,7 @@ from koopman_lab.data.source import window_of
 from koopman_lab.data.time_shift import shifted_pairs
 from koopman_lab.errors import DataError
 from koopman_lab.koopman.dictionary import Dictionary
+from koopman_lab.koopman.finite_observables import lifted, require_numbers, usable
 from koopman_lab.koopman.moments import Moments
 from koopman_lab.units import US_PER_S
 
@@ -59,11 +60,15 @@ def lifted_samples(
     Raises
     ------
     DataError
-        If the data do not say what instruments need to know of them.
+        If an observable is no number for a sample, or the data do not say what instruments need to
+        know of them.
     """
     X, Y, segments = dataset.X[index], dataset.Y[index], dataset.segments[index]
+    psi_x, psi_y = lifted(dictionary, X), lifted(dictionary, Y)
+    if not (usable(psi_x).all() and usable(psi_y).all()):
+        require_numbers(dictionary, dataset)
     if estimator == "plain":
-        return Samples((dictionary.lift(X), dictionary.lift(Y)), segments)
+        return Samples((psi_x, psi_y), segments)
     earlier, later = shifted_pairs(dataset, index, lag_us(dataset))
     if len(X) and not len(later):
         raise DataError(

@@ -20,6 +20,7 @@ from koopman_lab.koopman.basis_fit import fit_all
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.koopman.defects import defects
 from koopman_lab.koopman.dictionary import Dictionary, dictionary
+from koopman_lab.koopman.finite_observables import require_numbers_at_goal
 from koopman_lab.koopman.lifted_samples import add_samples, lifted_samples
 from koopman_lab.koopman.moments import Moments
 from koopman_lab.koopman.training_report import Method, TrainingReport
@@ -59,11 +60,11 @@ class Trainer:
         Raises
         ------
         ModelError
-            If there is no such dictionary for the robot.
+            If there is no such dictionary for the robot, or it is no number at the goal.
         DataError
-            If the data set was taken with other inputs, sampling time, window or robot (kind or
-            geometry) than the first one, is one taken in before, or does not say what the
-            estimator needs.
+            If an observable is no number for a sample, or the data set was taken with other
+            inputs, sampling time, window or robot (kind or geometry) than the first one, is one
+            taken in before, or does not say what the estimator needs.
         """
         observables = self._dictionary_for(dataset)
         data_hash = dataset.data_hash
@@ -76,6 +77,8 @@ class Trainer:
                 self._moments[index],
                 lifted_samples(dataset, index, observables, self._method.estimator),
             )
+        if not self._sources:
+            require_numbers_at_goal(observables)
         self._data_metadata = self._data_metadata or _without_folder(dataset.metadata)
         starts = [times.min() for times in dataset.start_us.values() if len(times)]
         start_s = min(starts, default=0) / US_PER_S

@@ -16,7 +16,7 @@ import typer
 
 from koopman_lab.errors import LabError
 from offboard.terminal.choices import Commands
-from offboard.terminal.output import err
+from offboard.terminal.output import err, show_crash
 
 EXPECTED_MISTAKE = 2
 INTERRUPTED = 130
@@ -92,6 +92,7 @@ def main() -> None:
     """Run the command; an expected mistake is one message and exit code 2."""
     named = sys.argv[1] if len(sys.argv) > 1 else ""
     alone = named in COMMANDS and named not in ABOUT_ALL
+    sys.excepthook = show_crash
     try:
         (app_of([named]) if alone else whole_app())()
     except LabError as error:

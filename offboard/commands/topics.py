@@ -10,7 +10,7 @@ import typer
 
 from offboard.terminal import options
 from offboard.terminal.output import err, out
-from offboard.terminal.visible_text import one_line
+from offboard.terminal.visible_text import one_line, visible_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -170,7 +170,7 @@ def _echo(listener: Listener, lab: LabConfig, name: str, *, once: bool, seconds:
         except (ValueError, struct.error):
             err.print(f"{name}: {len(data)} bytes that are no {channel.type.__name__}")
             return
-        typer.echo(json.dumps(plain_values(message)))
+        out.print(visible_json(json.dumps(plain_values(message))))
         printed += 1
 
     listener.overhear(show)

@@ -23,6 +23,9 @@ HOST, PORT = "127.0.0.1", 8765
 EVERYWHERE = ("0.0.0.0", "::")
 SIOCGIFADDR, ADDRESS = 0x8915, slice(20, 24)
 """The question for an interface's address, and where it stands in the answer: netdevice(7)."""
+BACKLOG = 48
+"""Connections that are accepted at a time: three times as many, which may be there before the first
+of them is read, are fewer than one client may have."""
 PING_S = 20.0
 """A client that answers no ping for so long is gone."""
 INTERRUPTED = 130
@@ -92,6 +95,7 @@ def serve(
 
     from offboard.viewer.guard import Guard
     from offboard.viewer.operator_desk import OperatorDesk
+    from offboard.viewer.protocols import HEADERS, LARGEST_HEAD, LimitedSocket, limited
     from offboard.viewer.server import LARGEST_FRAME, Server
 
     desk = OperatorDesk(config, robot_known=robot_known)
@@ -100,7 +104,13 @@ def serve(
         server = Server(desk, Guard(token), lambda line: err.print(line))
         settings = uvicorn.Config(
             server.app,
-            ws="websockets-sansio",
+            http=limited(server.note_refusal),
+            ws=LimitedSocket,
+            h11_max_incomplete_event_size=LARGEST_HEAD,
+            backlog=BACKLOG,
+            headers=list(HEADERS.items()),
+            server_header=False,
+            proxy_headers=False,  # by which a client would say that it is another
             ws_max_size=LARGEST_FRAME,
             ws_per_message_deflate=False,  # costs more than 5 kB on a local network
             ws_ping_interval=PING_S,

@@ -8,11 +8,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.segment import Segment
 from rich.text import Text
 
-from offboard.terminal.visible_text import one_line, visible
+from offboard.terminal.visible_text import one_line, visible, visible_json
 
 if TYPE_CHECKING:
     from koopman_lab.data.decode import PassedOver
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
 class PlainConsole(Console):
     """Prints every text as it is, also in tables: names on the bus and in logs are anybody's.
 
-    Nothing in it is markup, and what a terminal would obey is shown.
+    Nothing in it is markup, and what a terminal would obey is shown. Whatever is printed comes past
+    :meth:`render` at the end; what is a plain text is made visible before its width is measured.
     """
 
     def __init__(self, *, stderr: bool = False) -> None:
@@ -33,6 +35,21 @@ class PlainConsole(Console):
         """Return a text as rich prints it."""
         return super().render_str(visible(text), **options)
 
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterator[Segment]:
+        """Give what is written of something; in none of it a character is left to be obeyed."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else segment._replace(text=visible(segment.text))
+
+    def print_json(self, json: str | None = None, **options: Any) -> None:
+        """Print JSON, in which what does not show is written as JSON has it."""
+        from rich.highlighter import JSONHighlighter
+        from rich.json import JSON
+
+        text = visible_json(JSON(json or "null", **options).text.plain)
+        self.print(JSONHighlighter()(text), soft_wrap=True)
+
 
 out = PlainConsole()
 err = PlainConsole(stderr=True)
@@ -41,6 +58,13 @@ PLAIN_PERIOD_S = 10.0
 """Without a terminal a line this often, and at the end."""
 SPEED_PERIOD_S = 300.0
 """Time left is judged by what was done in this time: segments of a session come 11 s apart."""
+
+
+def show_crash(kind: type[BaseException], error: BaseException, where: Any) -> None:
+    """Print the traceback of an error that nobody expected; its text may hold anybody's names."""
+    import traceback
+
+    err.print("".join(traceback.format_exception(kind, error, where)), end="")
 
 
 def show_damage(file: Path, damage: Sequence[Damage]) -> None:

@@ -25,6 +25,18 @@ def one_line(text: str) -> str:
     return visible(text).replace("\n", r"\n")
 
 
+def visible_json(text: str) -> str:
+    r"""Return JSON of the same value, with ``\u009b`` and the like for what does not show."""
+    return text if text.isprintable() else "".join(map(_shown_in_json, text))
+
+
+def _shown_in_json(character: str) -> str:
+    if _shown(character) == character:
+        return character
+    pairs = character.encode("utf-16-be", "surrogatepass")
+    return "".join(f"\\u{pairs[k]:02x}{pairs[k + 1]:02x}" for k in range(0, len(pairs), 2))
+
+
 def _shown(character: str) -> str:
     if character == "\n" or unicodedata.category(character) not in OBEYED:
         return character

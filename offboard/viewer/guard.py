@@ -34,11 +34,25 @@ class Guard:
         host = headers.get("host", "")
         if self.token is None:
             # Another site's name may lead here as well; the browser then sends that name.
-            if urlsplit(f"//{host}").hostname not in LOOPBACK:
+            if _host_name(host) not in LOOPBACK:
                 return f"host {host[:64]!r}: open http://127.0.0.1 and the port instead"
         elif not secrets.compare_digest(query.get("token", "").encode(), self.token.encode()):
             return "the address lacks the token that `klab view` printed"
         origin = headers.get("origin")
-        if origin is not None and urlsplit(origin).netloc != host:
+        if origin is not None and _network_location(origin) != host:
             return f"origin {origin[:64]!r}: only the viewer's own page may speak to it"
+        return None
+
+
+def _host_name(host: str) -> str | None:
+    try:
+        return urlsplit(f"//{host}").hostname
+    except ValueError:  # brackets that do not close, or hold no address
+        return None
+
+
+def _network_location(origin: str) -> str | None:
+    try:
+        return urlsplit(origin).netloc
+    except ValueError:
         return None

@@ -17,11 +17,14 @@ from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
+from starlette.datastructures import Headers
+from starlette.middleware import Middleware
 from starlette.requests import HTTPConnection
 from starlette.requests import Request as HttpRequest
 from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from koopman_lab.errors import LabError
@@ -29,6 +32,7 @@ from offboard.desk.orders import WAIT_S
 from offboard.monitor.lab_view import Marks
 from offboard.viewer.guard import Guard
 from offboard.viewer.operator_desk import OperatorDesk
+from offboard.viewer.protocols import HEADERS, LARGEST_HEAD
 from offboard.viewer.refusals import Refusals
 from offboard.viewer.request import LARGEST_BYTES, RequestError, parse_request
 
@@ -47,24 +51,26 @@ BROKEN = {
 """What the web server itself refuses, by the number it closes the connection with."""
 BAD_REQUEST = 400
 UNKNOWN = "unknown client"
-HEADERS = {
-    "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'",
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cache-Control": "no-cache",
-}
-
 Log = Callable[[str], None]
 
 
-class _RevalidatedFiles(StaticFiles):
-    """Files that a browser asks for again: an old script does not fit the page of a new version."""
+class _Limits:
+    """Refuses requests with a body, which nothing here takes, and those with too long a head."""
 
-    def file_response(self, *args: Any, **kwargs: Any) -> Response:
-        """Answer with the file, or that it is still the one that the browser has."""
-        answer = super().file_response(*args, **kwargs)
-        answer.headers["Cache-Control"] = HEADERS["Cache-Control"]
-        return answer
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        app = self._app
+        if scope["type"] == "http":
+            headers = Headers(scope=scope)
+            size = len(scope["raw_path"]) + len(scope["query_string"])
+            size += sum(len(name) + len(value) for name, value in scope["headers"])
+            if headers.get("content-length", "0") != "0" or "transfer-encoding" in headers:
+                app = PlainTextResponse("no body is taken\n", 413, {"Connection": "close"})
+            elif size > LARGEST_HEAD:
+                app = PlainTextResponse("too long a request\n", 431, {"Connection": "close"})
+        await app(scope, receive, send)
 
 
 class Server:
@@ -93,9 +99,12 @@ class Server:
         routes = [
             Route("/", self._page),
             WebSocketRoute("/ws", self._socket),
-            Mount("/static", _RevalidatedFiles(directory=PAGE)),
+            Mount("/static", StaticFiles(directory=PAGE)),
+            WebSocketRoute("/{path:path}", self._nowhere),
         ]
-        self.app = Starlette(routes=routes, lifespan=self._lifespan)
+        self.app = Starlette(
+            routes=routes, middleware=[Middleware(_Limits)], lifespan=self._lifespan
+        )
 
     @contextlib.asynccontextmanager
     async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
@@ -151,13 +160,16 @@ class Server:
         if objection is not None:
             self._note_refusal(request, "page", objection)
             return PlainTextResponse(f"refused: {objection}\n", 403)
-        return FileResponse(PAGE / "index.html", headers=HEADERS)
+        return FileResponse(PAGE / "index.html")
+
+    async def _nowhere(self, socket: WebSocket) -> None:
+        await _deny(socket, 404, "no such websocket")
 
     async def _socket(self, socket: WebSocket) -> None:
         objection = self._guard.objection(socket.headers, socket.query_params)
         if objection is not None:
             self._note_refusal(socket, "socket", objection)
-            await socket.close(POLICY)
+            await _deny(socket, 403, f"refused: {objection}")
             return
         await socket.accept()
         if self._clients == MOST_CLIENTS:
@@ -232,10 +244,13 @@ class Server:
         self._pending.add(task)
         task.add_done_callback(self._pending.discard)
 
+    def note_refusal(self, client: str, kind: str, reason: str) -> None:
+        """Take a refusal of a client (its address), one of a kind at a time to be said."""
+        self._refusals.note(client, kind, reason, asyncio.get_running_loop().time())
+
     def _note_refusal(self, connection: HTTPConnection | None, kind: str, reason: str) -> None:
         client = None if connection is None else connection.client
-        now_s = asyncio.get_running_loop().time()
-        self._refusals.note(UNKNOWN if client is None else client.host, kind, reason, now_s)
+        self.note_refusal(UNKNOWN if client is None else client.host, kind, reason)
 
     def _take_server_log(self, record: logging.LogRecord) -> bool:
         """Say as ours what the web server warns of; return whether it is to say it itself."""
@@ -245,3 +260,8 @@ class Server:
         if record.levelno == logging.WARNING or bad_handshake:
             self._note_refusal(None, "http", record.getMessage())
         return record.levelno > logging.WARNING
+
+
+async def _deny(socket: WebSocket, status: int, reason: str) -> None:
+    """Refuse a websocket with an answer like any other."""
+    await socket.send_denial_response(PlainTextResponse(f"{reason}\n", status, headers=HEADERS))

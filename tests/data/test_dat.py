@@ -169,10 +169,10 @@ def test_what_the_folder_does_not_say_must_be_said(dynamic, tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"1 2 3 4 5\n1 2 x 4 5\n", "not a table of numbers"),
-        (b"1 2 3 4 5\n1 2 3 4\n", "not a table of numbers"),
-        (b"\xff\xfe\x00", "not a table of numbers"),
-        (b"1 2 3 4 5\n1 2 nan 4 5\n", r"nan in row 2, column 3"),
+        (b"1 2 3 4 5\n1 2 x 4 5\n", r"X_1\.dat: line 2: 'x' is no number"),
+        (b"1 2 3 4 5\n1 2 3 4\n", r"X_1\.dat: line 2 holds 4 numbers, line 1 5"),
+        (b"\xff\xfe\x00", r"X_1\.dat: is not UTF-16-LE"),
+        (b"1 2 3 4 5\n1 2 nan 4 5\n", r"nan in line 2, column 3"),
         (b"", r"X_1\.dat holds 0 states, Y_1\.dat 30"),
     ],
 )

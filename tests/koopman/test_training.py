@@ -9,7 +9,13 @@ from scipy.linalg import expm
 
 from koopman_lab.errors import DataError, ModelError
 from koopman_lab.koopman.bilinear_model import BilinearModel
-from koopman_lab.koopman.dictionary import DICTIONARIES, Dictionary, register
+from koopman_lab.koopman.dictionary import (
+    DICTIONARIES,
+    Dictionary,
+    from_expressions,
+    register,
+)
+from koopman_lab.koopman.excitation import dependent_observable
 from koopman_lab.koopman.fit import fit_matrix
 from koopman_lab.koopman.trainer import train
 from koopman_lab.koopman.training_report import Method
@@ -125,6 +131,38 @@ def test_one_constant_input_run_is_refused_with_the_remedy():
     empty.segments[2] = empty.segments[2][:0]
     with pytest.raises(DataError, match="basis input 2: no samples"):
         train(empty, "D5t")
+
+
+@pytest.mark.parametrize("symmetric", [False, True])
+@pytest.mark.parametrize("ridge", [1e-12, 1e-4, 1.0])
+def test_a_ridge_serves_samples_that_do_not_span_the_dictionary(ridge, symmetric):
+    """It predicts on the curve that was recorded; the rest is pulled to the identity."""
+    dataset = ideal_dataset("kinematic", segments=1)
+    model, report = train(dataset, "D5t", Method(ridge=ridge, symmetric=symmetric))
+    assert all(basis.excitation.rank == 3 for basis in report.bases if basis.excitation)
+    assert np.isfinite(model.matrices).all()
+    if ridge < 1e-3:
+        for index, u in dataset.basis_inputs.items():
+            assert model.step(dataset.X[index], u) == pytest.approx(dataset.Y[index], abs=1e-3)
+
+
+def test_a_ridge_too_small_to_determine_anything_is_no_ridge():
+    with pytest.raises(DataError, match=r"basis input 1: .* span only 3 of the 5 .*--ridge"):
+        train(ideal_dataset("kinematic", segments=1), "D5t", Method(ridge=1e-30))
+
+
+def test_no_remedy_is_proposed_that_cannot_help():
+    """Observables that add up to another one do so for every sample that could be recorded."""
+    dataset = ideal_dataset("kinematic", segments=40)
+    with pytest.raises(DataError) as refused:
+        train(dataset, "1, x1, x2, theta, sin(theta)^2, x1*x2, cos(theta)^2")
+    assert "'cos(theta)^2' is a combination of the observables before it" in str(refused.value)
+    assert "klab calibrate" not in str(refused.value)
+    for name, known in DICTIONARIES.items():
+        assert dependent_observable(known) is None, name
+    powers = [f"x1^{i}*x2^{j}" for i in range(6) for j in range(6) if i + j > 1]
+    many = from_expressions("Dmany", "kinematic", ["1", "x1", "x2", "theta", *powers])
+    assert dependent_observable(many) is None
 
 
 def test_a_model_file_keeps_every_bit_and_the_same_data_give_the_same_file(tmp_path):

@@ -38,11 +38,14 @@ def judged_model(learned: LearnedModel, report: Report, *, data_usable: bool) ->
     from koopman_lab.evaluation.data_verdict import excitation_reasons
     from koopman_lab.evaluation.model_verdict import model_verdict
     from koopman_lab.evaluation.plausibility import verdict
+    from koopman_lab.koopman.bilinear_model import BilinearModel
     from koopman_lab.koopman.training_report import TrainingReport
 
     judged = model_verdict(learned, cause_known=not data_usable)
-    if not isinstance(report, TrainingReport) or report.method.symmetric:
+    if not isinstance(report, TrainingReport) or not isinstance(learned, BilinearModel):
+        return judged
+    if report.method.symmetric:
         return judged  # a symmetric fit asks less of its samples
     spans = {b.basis_index: b.excitation for b in report.bases if b.excitation is not None}
-    reasons = excitation_reasons(spans, report.dictionary)
+    reasons = excitation_reasons(spans, learned.dictionary)
     return verdict([*judged.reasons, *reasons], judged.figures)
