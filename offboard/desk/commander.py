@@ -8,7 +8,6 @@ from importlib.metadata import version
 import lcmtypes
 from koopman_lab.bus import channel, channels
 from koopman_lab.bus.commanders import commander_number
-from koopman_lab.bus.motor_loop_faults import fault_text
 from koopman_lab.bus.node import Port
 from koopman_lab.config.load import dump_config
 from koopman_lab.config.schema import LabConfig
@@ -17,13 +16,6 @@ from offboard.desk.time_server import TimeServer
 
 ONBOARD_TIMEOUT_S = 1.0
 """Ten of its status messages."""
-
-
-def why_stopped(status: lcmtypes.onboard_status_t) -> str | None:
-    """Return what holds the robot until a person releases it, None if nothing does."""
-    if status.state == status.ESTOP:
-        return "emergency stop"
-    return fault_text(status.fault) if status.state == status.FAULT else None
 
 
 class Commands:

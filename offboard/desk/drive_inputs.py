@@ -11,13 +11,14 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.age import is_current, is_fresh
 from koopman_lab.bus.channel import Channel
 from koopman_lab.bus.commanders import commander_name
+from koopman_lab.bus.motor_loop_faults import why_stopped
 from koopman_lab.bus.node import Port
 from koopman_lab.bus.publishers import NamedIdentity, identity_faults
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import ORIGIN, Pose, Velocity, compose, relative_to
 from koopman_lab.units import US_PER_S
 from offboard.desk.camera_stream import CameraStream
-from offboard.desk.commander import ONBOARD_TIMEOUT_S, why_stopped
+from offboard.desk.commander import ONBOARD_TIMEOUT_S
 from offboard.desk.guard import Guard
 from offboard.desk.interlock import Cause, Interlock
 from offboard.desk.measurements import Frame, WheelSpeeds
