@@ -6,11 +6,14 @@ import contextlib
 import os
 import re
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
 import lcm
 
-from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import BusError
+
+if TYPE_CHECKING:
+    from koopman_lab.config.schema import LabConfig
 
 
 def bus_url(config: LabConfig) -> str:

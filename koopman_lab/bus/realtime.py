@@ -12,19 +12,22 @@ import time
 from collections.abc import Callable, Iterator
 from itertools import count
 from types import FrameType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import lcm
 
 from koopman_lab.bus.channel import Channel, M
 from koopman_lab.bus.multicast import drain, open_lcm, subscribe
 from koopman_lab.bus.node import Node, RawHandler
-from koopman_lab.bus.pacing import TickTimes
 from koopman_lab.bus.port import BasePort, Wrap
-from koopman_lab.bus.processes import PRIORITY, priority_of
+from koopman_lab.bus.priority import ask_for_priority
+from koopman_lab.bus.processes import priority_of
 from koopman_lab.bus.subscription import Deliver
-from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
+
+if TYPE_CHECKING:
+    from koopman_lab.bus.pacing import TickTimes
+    from koopman_lab.config.schema import LabConfig
 
 LONGEST_WAIT_S = 0.5
 """A node without timers still looks up this often."""
@@ -178,12 +181,6 @@ def run_node(
         finally:
             node.close()
     return RunStatistics(*port.ticks(), sum(port.lost_messages().values()))
-
-
-def ask_for_priority(priority: int = PRIORITY) -> None:
-    """Go before ordinary processes where the system lets us; most let only root."""
-    with contextlib.suppress(OSError, AttributeError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
 
 
 def _loop(
