@@ -13,6 +13,10 @@ def main() -> None:
     """Load the command and run it."""
     try:
         if sys.argv[1:2] == [STOP]:
+            # First of all, as all that follows is loaded the sooner for it.
+            from koopman_lab.bus.priority import STOP_PRIORITY, ask_for_priority
+
+            ask_for_priority(STOP_PRIORITY)
             from offboard.cli.stop_at_once import stop_at_once
 
             code = stop_at_once(sys.argv[2:])

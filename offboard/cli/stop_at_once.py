@@ -1,8 +1,8 @@
 """`klab estop` without the command line: on a busy machine loading it takes seconds.
 
-It goes before other processes, reads from the configuration only how the robot and its bus are
-called, and sends the stop. Nothing is validated on the way: whoever stops a robot is not to wait
-for it. What it does not understand is left to the command line, which explains it.
+It reads from the configuration only how the robot and its bus are called, and sends the stop.
+Nothing is validated on the way: whoever stops a robot is not to wait for it. What it does not
+understand is left to the command line, which explains it.
 """
 
 from __future__ import annotations
@@ -13,8 +13,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
-
-from koopman_lab.bus.priority import STOP_PRIORITY, ask_for_priority
 
 if TYPE_CHECKING:
     from koopman_lab.config.schema import LabConfig
@@ -44,7 +42,6 @@ def stop_at_once(arguments: Sequence[str]) -> int | None:
     arguments
         What stands behind ``klab estop``.
     """
-    ask_for_priority(STOP_PRIORITY)
     order = parse(arguments)
     lab = None if order is None else addresses(order)
     if order is None or lab is None:
