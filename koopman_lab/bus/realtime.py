@@ -33,15 +33,35 @@ LONGEST_WAIT_S = 0.5
 """A node without timers still looks up this often."""
 
 
-class Clock:
-    """Microseconds since the Unix epoch that never step: a monotonic clock, offset once."""
+def boot_ns() -> int:
+    """Return the time since the computer was started (ns), also that in which it slept.
 
-    def __init__(self) -> None:
-        self._offset_us = (time.time_ns() - time.monotonic_ns()) // 1000
+    CLOCK_MONOTONIC leaves sleep out on Linux: a program would go on after a night as if nothing had
+    been, and its stamps would be those of the evening.
+    """
+    return time.clock_gettime_ns(_BOOT_CLOCK)
+
+
+_BOOT_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+"""Of Linux; other systems count sleep in the monotonic clock."""
+
+
+class Clock:
+    """Microseconds since the Unix epoch that never step: a clock since boot, offset once.
+
+    Parameters
+    ----------
+    since_boot_ns
+        Returns the time since some moment (ns); never steps.
+    """
+
+    def __init__(self, since_boot_ns: Callable[[], int] = boot_ns) -> None:
+        self._since_boot_ns = since_boot_ns
+        self._offset_us = (time.time_ns() - since_boot_ns()) // 1000
 
     def now_us(self) -> int:
         """Return the present time in us."""
-        return time.monotonic_ns() // 1000 + self._offset_us
+        return self._since_boot_ns() // 1000 + self._offset_us
 
 
 class RealtimePort(BasePort):

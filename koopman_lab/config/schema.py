@@ -219,6 +219,13 @@ class Controller(Section):
     largest_failures_in_a_row: Annotated[int, Field(ge=1)]
 
 
+class Commander(Section):
+    """Whoever drives the robot from the desk: controller, sampler, reference."""
+
+    standstill_limit_s: Annotated[float, Field(gt=0, le=10.0)]
+    refused_limit_s: Annotated[float, Field(gt=0, le=10.0)]
+
+
 class Logger(Section):
     """The node that writes the session log."""
 
@@ -238,6 +245,7 @@ class LabConfig(Section):
     floor: Area
     simulation: Simulation | None
     logger: Logger
+    commander: Commander
     sampler: Sampler
     reference: Reference
     processing: Processing
