@@ -93,7 +93,7 @@ def onboard(
     Example: klab run onboard --robot dynamic --preset lab --set motor_loop.watchdog_s=0.2
     """
     from koopman_lab.emulation.board import emulated_board
-    from onboard.board_state import only_motor_loop
+    from onboard.motor_loop.board_state import only_motor_loop
 
     lab = options.resolve(config, overrides, robot, preset, url=url, robot_name=robot_name)
     source = f"preset {preset.value}" if config is None else f"preset {preset.value} and {config}"

@@ -13,7 +13,7 @@ from koopman_lab.bus.motor_loop_faults import Fault
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import LabStateError
 from koopman_lab.files import STATE_VARIABLE
-from onboard.board_state import LARGEST_NUMBER, StopFile, only_motor_loop
+from onboard.motor_loop.board_state import LARGEST_NUMBER, StopFile, only_motor_loop
 from onboard.motor_loop.stop_keeper import StopRecord
 
 RECORDS = st.builds(
@@ -128,7 +128,7 @@ def test_the_lock_goes_with_the_process_however_it_ends(said):
     program = (
         "import os, signal, sys\n"
         "from koopman_lab.config.load import load_config\n"
-        "from onboard.board_state import only_motor_loop\n"
+        "from onboard.motor_loop.board_state import only_motor_loop\n"
         "with only_motor_loop(load_config(), print):\n"
         "    os.kill(os.getpid(), signal.SIGKILL)\n"
     )

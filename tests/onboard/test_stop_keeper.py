@@ -3,8 +3,7 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from motor_bench import Bench
-from stop_stores import MemoryStore
+from motor_bench import Bench, MemoryStore
 
 from koopman_lab.bus.motor_loop_faults import Fault
 from koopman_lab.config.load import load_config
