@@ -79,8 +79,8 @@ class RobotWatch:
         why = why_stopped(status)
         if why is not None:
             return (
-                f"the robot is stopped ({why}); mend the cause, then `klab estop --release`, and "
-                "start again"
+                f"the robot is stopped ({why}); mend the cause, then `klab estop --release` while "
+                "its onboard program runs (`klab up`), and start again"
             )
         if self.commander is None or status.commander in (NOBODY, self.commander):
             return None
