@@ -6,11 +6,15 @@ from collections import deque
 from typing import NamedTuple
 
 import lcmtypes
+from koopman_lab.bus.age import is_current
 from koopman_lab.bus.commanders import NOBODY
 from koopman_lab.units import US_PER_S
 
-LARGEST_SHARE = 0.5
-"""Of the commands sent: after a hole of the radio some are refused until the robot has stopped."""
+LARGEST_SHARE = 0.75
+"""Of the commands sent: after a hole of the radio some are refused until the robot has stopped, and
+all that the radio had kept until then."""
+LONGEST_GAP_US = 500_000
+"""Between two status messages; what was before a hole of the radio says nothing of after it."""
 FEWEST_SENT = 10
 """Of fewer nothing is said."""
 MORE_THAN_SENT = 5
@@ -61,7 +65,7 @@ class RefusedCommands:
     commander
         Number of who sends.
     limit_s
-        For so long half of all commands may be refused (s).
+        For so long most commands may be refused (s).
 
     Attributes
     ----------
@@ -87,13 +91,19 @@ class RefusedCommands:
         others = status.commander not in (NOBODY, self._commander)
         stopped = status.state in (status.ESTOP, status.FAULT)
         # Of a robot that is another's or stopped, and of a loop that counts anew, nothing is known.
-        if others or stopped or (self._seen and counts.accepted < self._seen[-1].accepted):
+        if others or stopped or (self._seen and self._begins_anew(counts)):
             self._seen.clear()
         self._seen.append(counts)
         while len(self._seen) > 1 and now_us - self._seen[1].utime >= self._longest_us:
             self._seen.popleft()
         if self.complaint is None:
             self.complaint = self._judge()
+
+    def _begins_anew(self, counts: _Counts) -> bool:
+        before = self._seen[-1]
+        return counts.accepted < before.accepted or not is_current(
+            before.utime, counts.utime, LONGEST_GAP_US
+        )
 
     def _judge(self) -> str | None:
         newest, oldest = self._seen[-1], self._seen[0]

@@ -85,6 +85,19 @@ def test_nothing_is_said_of_a_robot_that_another_holds_or_that_is_stopped(field_
     assert board.said_after_s(refused_order=COMMANDS, accepted=COMMANDS) is None
 
 
+def test_a_radio_that_keeps_a_second_of_commands_and_hands_them_over_late_is_no_stranger():
+    """The watchdog has stopped the robot meanwhile, so that it refuses all of them."""
+    board = Board()
+    for _ in range(5):
+        assert board.said_after_s(limit_s=4.0, accepted=COMMANDS) is None
+        kept = round(1.0 / STATUS_S) * COMMANDS
+        board.now_us += 1_000_000
+        assert board.step(sent=kept, refused_order=0) is None
+        assert board.step(refused_order=kept) is None
+        for _ in range(3):
+            assert board.step(refused_order=COMMANDS) is None
+
+
 def test_an_onboard_program_that_starts_again_counts_anew():
     board = Board(accepted=5000, refused_order=300)
     for _ in range(10):

@@ -1,5 +1,7 @@
 """A program that stood still says so, however long it slept and whatever it did before."""
 
+import time
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -43,3 +45,10 @@ def test_the_clock_of_a_process_counts_the_sleep_of_the_computer(awake_and_aslee
         now_us = clock.now_us()
         assert abs((now_us - before_us) - (awake_ns + asleep_ns) / 1000) <= 1
         before_us = now_us
+
+
+def test_a_clock_reads_what_counts_sleep(monkeypatch):
+    read = []
+    monkeypatch.setattr(time, "clock_gettime_ns", lambda which: read.append(which) or 0)
+    Clock().now_us()
+    assert set(read) == {time.CLOCK_BOOTTIME}
