@@ -1,4 +1,4 @@
-"""Writes files that appear whole or not at all, and names the user's cache folder."""
+"""Writes files that appear whole or not at all, and names the user's folders."""
 
 from __future__ import annotations
 
@@ -25,6 +25,19 @@ def cache_folder() -> Path:
         return Path(chosen)
     shared = os.environ.get("XDG_CACHE_HOME")
     return (Path(shared) if shared else Path.home() / ".cache") / "koopman-lab"
+
+
+STATE_VARIABLE = "KOOPMAN_LAB_STATE"
+"""Environment variable that names another folder for what must not be forgotten."""
+
+
+def state_folder() -> Path:
+    """Return the user's folder for what must outlast the programs: which robot is stopped."""
+    chosen = os.environ.get(STATE_VARIABLE)
+    if chosen:
+        return Path(chosen)
+    shared = os.environ.get("XDG_STATE_HOME")
+    return (Path(shared) if shared else Path.home() / ".local" / "state") / "koopman-lab"
 
 
 @contextlib.contextmanager
@@ -88,6 +101,15 @@ def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]])
     writer.writerow(columns)
     writer.writerows(rows)
     write_text(path, table.getvalue())
+
+
+def sync_folder(folder: Path) -> None:
+    """Wait until the disk has the names of a folder's files, as `replacing` gave them."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def sha256(*paths: Path) -> str:

@@ -7,7 +7,6 @@ the installed package. Looking imports none of it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from importlib.metadata import PackageNotFoundError, distribution, requires
 from typing import TYPE_CHECKING
 
 from koopman_lab.errors import InstallationError
@@ -57,6 +56,8 @@ def require(extra: str, what: str) -> None:
 
 
 def _packages_of(extra: str) -> Iterator[str]:
+    from importlib.metadata import requires
+
     from packaging.requirements import Requirement
 
     for text in requires(DISTRIBUTION) or ():
@@ -79,6 +80,8 @@ def _belongs_to(requirement: Requirement, extra: str) -> bool:
 
 
 def _is_installed(name: str) -> bool:
+    from importlib.metadata import PackageNotFoundError, distribution
+
     try:
         distribution(name)
     except PackageNotFoundError:

@@ -12,12 +12,14 @@ import difflib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from importlib.metadata import Distribution, EntryPoint, entry_points, version
 from pkgutil import resolve_name
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from koopman_lab.errors import ConfigError, PluginError
 from koopman_lab.installation import DISTRIBUTION
+
+if TYPE_CHECKING:
+    from importlib.metadata import Distribution, EntryPoint
 
 T = TypeVar("T")
 NAME = re.compile(r"[a-z][a-z0-9_]{0,29}")
@@ -212,6 +214,8 @@ def _not_loaded(where: str, target: str, error: BaseException) -> str:
 def _require_version(point: EntryPoint, where: str) -> None:
     """Refuse a row of a package that says it was made for another version of this one."""
     # Here, as most runs meet no row of another package.
+    from importlib.metadata import version
+
     from packaging.requirements import InvalidRequirement, Requirement
     from packaging.utils import canonicalize_name
 
@@ -239,4 +243,6 @@ def _package_name(point: EntryPoint) -> str:
 
 @cache
 def _entry_points(group: str) -> tuple[EntryPoint, ...]:
+    from importlib.metadata import entry_points  # takes a while, and many ask for no row of others
+
     return tuple(entry_points(group=group))

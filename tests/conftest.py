@@ -27,6 +27,10 @@ _CACHE = None
 if "KOOPMAN_LAB_CACHE" not in os.environ:
     _CACHE = os.environ["KOOPMAN_LAB_CACHE"] = tempfile.mkdtemp(prefix="koopman-lab-")
 
+# Stopped robots of tests are none of this user's, and each process has its own.
+_STATE = Path(os.environ["KOOPMAN_LAB_CACHE"]) / f"state-{_PORT}"
+os.environ["KOOPMAN_LAB_STATE"] = str(_STATE)
+
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
@@ -83,6 +87,14 @@ def _labs_forgotten() -> Iterator[None]:
         with contextlib.suppress(FileNotFoundError):  # other processes' labs come and go
             if port in json.loads(note.read_text())["bus"]:
                 note.unlink()
+
+
+@pytest.fixture(autouse=True)
+def _stops_forgotten() -> Iterator[None]:
+    """Let no test's robot be stopped because a test before stopped one of its name."""
+    yield
+    for record in _STATE.glob("stops/*.json"):
+        record.unlink()
 
 
 @pytest.fixture

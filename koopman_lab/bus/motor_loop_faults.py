@@ -21,6 +21,8 @@ class Fault(IntEnum):
     RIGHT_WHEEL_TOO_FAST = onboard_status_t.RIGHT_WHEEL_TOO_FAST
     LEFT_WHEEL_TOO_SLOW = onboard_status_t.LEFT_WHEEL_TOO_SLOW
     RIGHT_WHEEL_TOO_SLOW = onboard_status_t.RIGHT_WHEEL_TOO_SLOW
+    STOP_NOT_KEPT = onboard_status_t.STOP_NOT_KEPT
+    SECOND_LOOP = onboard_status_t.SECOND_LOOP
 
 
 _CONTRARY = (
@@ -47,9 +49,23 @@ _TEXTS = {
     Fault.RIGHT_WHEEL_TOO_FAST: f"right {_TOO_FAST}",
     Fault.LEFT_WHEEL_TOO_SLOW: f"left {_TOO_SLOW}",
     Fault.RIGHT_WHEEL_TOO_SLOW: f"right {_TOO_SLOW}",
+    Fault.STOP_NOT_KEPT: (
+        "the board cannot keep a stop over a restart: its record cannot be read or written; what "
+        "`klab run onboard` says names the file and why"
+    ),
+    Fault.SECOND_LOOP: (
+        "a second onboard program speaks for this robot: end it, or give it another --robot-name"
+    ),
 }
 
 
 def fault_text(number: int) -> str:
     """Return in words what a number of ``onboard_status_t`` means, also one of no version known."""
     return _TEXTS[Fault(number)] if number in _TEXTS else f"fault {number}"
+
+
+def why_stopped(status: onboard_status_t) -> str | None:
+    """Return what holds the robot until a person releases it, None if nothing does."""
+    if status.state == status.ESTOP:
+        return "emergency stop"
+    return fault_text(status.fault) if status.state == status.FAULT else None

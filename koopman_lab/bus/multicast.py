@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING
 
 import lcm
 
 from koopman_lab.bus.filtered_bus import FilteredBus, without_stderr
-from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import BusError
+
+if TYPE_CHECKING:
+    from koopman_lab.config.schema import LabConfig
 
 
 def bus_url(config: LabConfig) -> str:

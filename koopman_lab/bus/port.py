@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Container
 from functools import partial
 from itertools import count
+from typing import TYPE_CHECKING
 
 import lcmtypes
 from koopman_lab.bus.channel import Channel, M
@@ -14,8 +15,10 @@ from koopman_lab.bus.node import Node, Port, RawHandler, Tick
 from koopman_lab.bus.publishers import StreamIdentity
 from koopman_lab.bus.replay_guard import guard_of
 from koopman_lab.bus.subscription import Deliver, Subscription
-from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
+
+if TYPE_CHECKING:
+    from koopman_lab.config.schema import LabConfig
 
 
 class Timer:

@@ -25,6 +25,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
 import lcmtypes
+from koopman_lab.bus.priority import PRIORITY
 from koopman_lab.errors import PluginError
 from koopman_lab.registry import Registry
 
@@ -35,8 +36,6 @@ _ROLES = lcmtypes.velocity_command_t
 OPERATOR_ROLE: int = _ROLES.OPERATOR
 MOST_ROLES = 8
 """Roles are numbers from 1 to below this."""
-PRIORITY = 10
-"""Default priority among real-time processes: the faster loop has a higher one."""
 
 
 class Stop(IntEnum):

@@ -12,32 +12,55 @@ import time
 from collections.abc import Callable, Iterator
 from itertools import count
 from types import FrameType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from koopman_lab.bus.channel import Channel, M
 from koopman_lab.bus.filtered_bus import FilteredBus
 from koopman_lab.bus.multicast import drain, open_lcm
 from koopman_lab.bus.node import Node, RawHandler
-from koopman_lab.bus.pacing import TickTimes
 from koopman_lab.bus.port import BasePort, Wrap
-from koopman_lab.bus.processes import PRIORITY, priority_of
+from koopman_lab.bus.priority import ask_for_priority
+from koopman_lab.bus.processes import priority_of
 from koopman_lab.bus.subscription import Deliver
-from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
+
+if TYPE_CHECKING:
+    from koopman_lab.bus.pacing import TickTimes
+    from koopman_lab.config.schema import LabConfig
 
 LONGEST_WAIT_S = 0.5
 """A node without timers still looks up this often."""
 
 
-class Clock:
-    """Microseconds since the Unix epoch that never step: a monotonic clock, offset once."""
+def boot_ns() -> int:
+    """Return the time since the computer was started (ns), also that in which it slept.
 
-    def __init__(self) -> None:
-        self._offset_us = (time.time_ns() - time.monotonic_ns()) // 1000
+    CLOCK_MONOTONIC leaves sleep out on Linux: a program would go on after a night as if nothing had
+    been, and its stamps would be those of the evening.
+    """
+    return time.clock_gettime_ns(_BOOT_CLOCK)
+
+
+_BOOT_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+"""Of Linux; other systems count sleep in the monotonic clock."""
+
+
+class Clock:
+    """Microseconds since the Unix epoch that never step: a clock since boot, offset once.
+
+    Parameters
+    ----------
+    since_boot_ns
+        Returns the time since some moment (ns); never steps.
+    """
+
+    def __init__(self, since_boot_ns: Callable[[], int] = boot_ns) -> None:
+        self._since_boot_ns = since_boot_ns
+        self._offset_us = (time.time_ns() - since_boot_ns()) // 1000
 
     def now_us(self) -> int:
         """Return the present time in us."""
-        return time.monotonic_ns() // 1000 + self._offset_us
+        return self._since_boot_ns() // 1000 + self._offset_us
 
 
 class RealtimePort(BasePort):
@@ -179,12 +202,6 @@ def run_node(
         finally:
             node.close()
     return RunStatistics(*port.ticks(), sum(port.lost_messages().values()))
-
-
-def ask_for_priority(priority: int = PRIORITY) -> None:
-    """Go before ordinary processes where the system lets us; most let only root."""
-    with contextlib.suppress(OSError, AttributeError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
 
 
 def _loop(

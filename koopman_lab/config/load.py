@@ -7,25 +7,24 @@ preset, what the preset changes for the kind, the user's file, the overrides.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from koopman_lab.config.bounds import OUT_OF_BOUNDS
-from koopman_lab.config.layer import Layer, merge, override_layer, parse_layer, read_layer
-from koopman_lab.config.moved_keys import moved, translate
+from koopman_lab.config.layer import Layer, merge, parse_layer
+from koopman_lab.config.layering import known_robot, layers_of, locate, merged, robot_kind
+from koopman_lab.config.moved_keys import translate
 from koopman_lab.config.presets import Preset
-from koopman_lab.config.robot_defaults import default_layer, robot_layer, robot_preset_layer
+from koopman_lab.config.robot_defaults import default_layer, robot_layer
 from koopman_lab.config.robot_fit import RobotMisfitError
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.config.yaml_text import Key, read_text
 from koopman_lab.errors import ConfigError
-from koopman_lab.robots.robot_type import RobotType
-from koopman_lab.robots.table import DEFAULT_ROBOT, robot_type
 
 
 def load_config(
@@ -59,34 +58,9 @@ def load_config(
     PluginError
         If the robot is another package's, and cannot be used.
     """
-    user = [read_layer(file)] if file else []
-    user += [override_layer(text) for text in overrides]
-    values: dict[str, Any]
-    configured_kind = _robot_kind(user)
-    if robot and configured_kind and robot != configured_kind:
-        where = _locate(("robot", "kind"), user)
-        raise ConfigError(
-            f"{where}: robot.kind is {configured_kind}, but --robot says {robot}; drop one"
-        )
-    kind = (
-        _known_robot(configured_kind, user)
-        if configured_kind
-        else robot_type(robot or DEFAULT_ROBOT)
-    )
-    layers = [default_layer("base"), robot_layer(kind)]
-    if preset != Preset.lab:
-        name = Preset(preset).value
-        layers += [default_layer(name), robot_preset_layer(kind, name)]
-    if bus_url:
-        values = {"bus": {"url": bus_url}}
-        layers.append(Layer("LCM_DEFAULT_URL", values, {("bus",): 0, ("bus", "url"): 0}))
-    layers += user
-    _require_present_keys(layers)
-    values = {}
-    for layer in layers:
-        values = merge(values, layer.values)
+    layers = layers_of(file, robot=robot, preset=preset, bus_url=bus_url, overrides=overrides)
     try:
-        config = LabConfig.model_validate(values)
+        config = LabConfig.model_validate(merged(layers))
     except ValidationError as error:
         raise ConfigError(_error_text(error.errors(), layers)) from None
     return config
@@ -111,10 +85,10 @@ def parse_config(text: str, source: str) -> LabConfig:
         If the robot is another package's, and cannot be used.
     """
     recorded = parse_layer(text, source)
-    kind = _robot_kind([recorded])
+    kind = robot_kind([recorded])
     values = translate(recorded.values)
     if kind is not None:
-        for layer in (robot_layer(_known_robot(kind, [recorded])), default_layer("base")):
+        for layer in (robot_layer(known_robot(kind, [recorded])), default_layer("base")):
             values = merge(layer.values, values)
     try:
         return LabConfig.model_validate(values)
@@ -135,48 +109,12 @@ def read_record(file: Path) -> LabConfig:
     return parse_config(read_text(file), str(file))
 
 
-def _require_present_keys(layers: Sequence[Layer]) -> None:
-    """Refuse keys of older versions: who writes one must know what it means today."""
-    lines = [
-        f"{layer.locate(old)}: {'.'.join(old)}: is now {'.'.join(new)}"
-        for layer in layers
-        for old, new in moved(layer.values)
-    ]
-    if lines:
-        raise ConfigError("\n".join(lines))
-
-
-def _robot_kind(layers: Sequence[Layer]) -> str | None:
-    for layer in reversed(layers):
-        section = layer.values.get("robot")
-        kind = section.get("kind") if isinstance(section, Mapping) else None
-        if isinstance(kind, str):
-            return kind
-    return None
-
-
-def _known_robot(kind: str, layers: Sequence[Layer]) -> RobotType:
-    try:
-        return robot_type(kind)
-    except ConfigError as error:
-        where = _locate(("robot", "kind"), layers)
-        raise ConfigError(f"{where}: robot.kind: {error}") from None
-
-
-def _locate(key: Key, layers: Sequence[Layer]) -> str:
-    for layer in reversed(layers):
-        where = layer.locate(key)
-        if where:
-            return where
-    return layers[0].source if len(layers) == 1 else "configuration"
-
-
 def _error_text(errors: Sequence[ErrorDetails], layers: Sequence[Layer]) -> str:
     lines = []
     if any(error["type"] == "missing" and error["loc"][0] == "simulation" for error in errors):
         # Of the presets one says nothing of it, which is the only way to a part of it.
         lines.append(
-            f"{_locate(('simulation',), layers)}: simulation: set in part, but this preset "
+            f"{locate(('simulation',), layers)}: simulation: set in part, but this preset "
             f"simulates nothing; drop it, or take --preset {Preset.lab.value}"
         )
         errors = [error for error in errors if error["loc"][:1] != ("simulation",)]
@@ -184,9 +122,9 @@ def _error_text(errors: Sequence[ErrorDetails], layers: Sequence[Layer]) -> str:
         key = tuple(str(part) for part in error["loc"] if part != "[key]")
         misfit = error.get("ctx", {}).get("error")
         if isinstance(misfit, RobotMisfitError):
-            lines.append(f"{_locate(misfit.key, layers)}: {misfit}")
+            lines.append(f"{locate(misfit.key, layers)}: {misfit}")
             continue
-        where, dotted = _locate(key, layers), ".".join(key)
+        where, dotted = locate(key, layers), ".".join(key)
         if error["type"] == "extra_forbidden":
             similar = _nearest(key)
             hint = f"; did you mean {similar}?" if similar else ""

@@ -168,6 +168,25 @@ class Model(Section):
     dictionary: Annotated[str, BeforeValidator(_comma_separated)]
 
 
+class Commander(Section):
+    """Whoever drives the robot from the desk: controller, sampler, reference."""
+
+    standstill_limit_s: Annotated[
+        Duration,
+        Bounds(
+            *(0.1, 10.0, "s", "a busy machine holds every program up for so long"),
+            "who stood still for so long knows nothing of the robot any more",
+        ),
+    ]
+    refused_limit_s: Annotated[
+        Duration,
+        Bounds(
+            *(0.1, 10.0, "s", "a command that a radio delays looks refused for so long"),
+            "somebody else would drive the robot meanwhile",
+        ),
+    ]
+
+
 class Logger(Section):
     """The node that writes the session log."""
 
@@ -191,6 +210,7 @@ class LabConfig(Section):
     floor: Area
     simulation: Simulation | None
     logger: Logger
+    commander: Commander
     sampler: Sampler
     reference: Reference
     processing: Processing

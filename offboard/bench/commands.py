@@ -18,6 +18,7 @@ from offboard.bench.page_cost import view
 from offboard.bench.parks import parks
 from offboard.bench.soak.command import soak
 from offboard.bench.stop import stop
+from offboard.bench.stop_command import estop
 from offboard.terminal import options
 from offboard.terminal.choices import Commands
 from offboard.terminal.needs import needs
@@ -32,6 +33,7 @@ app.command()(view)
 app.command()(stop)
 app.command()(soak)
 app.command()(flood)
+app.command()(estop)
 
 
 @app.callback()

@@ -78,7 +78,7 @@ def measure(
     import lcm
 
     from koopman_lab.bus.multicast import bus_url
-    from koopman_lab.bus.realtime import ask_for_priority
+    from koopman_lab.bus.priority import ask_for_priority
     from offboard.lab.supervisor import start_missing, supervised
 
     theirs = folder.path / "lcm-logger.lcm"

@@ -87,15 +87,21 @@ def onboard(
     Unless told otherwise it is that of a real robot: nothing is simulated, and limits are cautious.
     Beside `klab run plant` it takes the same --preset as that, lab by default there.
 
+    A stop is kept on the board until it is released, also when this program ends: in the folder
+    KOOPMAN_LAB_STATE, by default ~/.local/state/koopman-lab. One such program runs for a robot.
+
     Example: klab run onboard --robot dynamic --preset lab --set motor_loop.watchdog_s=0.2
     """
     from koopman_lab.emulation.board import emulated_board
+    from onboard.motor_loop.board_state import only_motor_loop
 
     lab = options.resolve(config, overrides, robot, preset, url=url, robot_name=robot_name)
     source = f"preset {preset.value}" if config is None else f"preset {preset.value} and {config}"
     # A lab's file says all that the preset does.
     err.print(_preset_line(lab, source if lifeline_fd is None else str(config)))
-    _run_timed(build("onboard", lab), lab, tick_times, lifeline_fd, emulated_board(lab))
+    with only_motor_loop(lab, err.print) as stops:
+        node = build("onboard", lab, stops)
+        _run_timed(node, lab, tick_times, lifeline_fd, emulated_board(lab))
 
 
 def _preset_line(lab: LabConfig, source: str) -> str:

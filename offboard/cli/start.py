@@ -5,13 +5,29 @@ from __future__ import annotations
 import sys
 
 INTERRUPTED = 130
+STOP = "estop"
+"""The command that does not wait until the others are loaded."""
 
 
 def main() -> None:
     """Load the command and run it."""
     try:
+        if sys.argv[1:2] == [STOP]:
+            # First of all, as all that follows is loaded the sooner for it.
+            from koopman_lab.bus.priority import STOP_PRIORITY, ask_for_priority
+
+            ask_for_priority(STOP_PRIORITY)
+            from offboard.cli.stop_at_once import stop_at_once
+
+            code = stop_at_once(sys.argv[2:])
+            if code is not None:
+                sys.exit(code)
         from offboard.cli.main import main as run
 
         run()
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()

@@ -28,7 +28,8 @@ def goal(
     import lcmtypes
     from koopman_lab.bus.channels import MPC_STATE
     from koopman_lab.errors import LabStateError
-    from offboard.desk.orders import WAIT_S, goal_order
+    from offboard.desk.goal_message import goal_order
+    from offboard.desk.orders import WAIT_S
 
     lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
     newest: deque[lcmtypes.mpc_state_t] = deque(maxlen=1)

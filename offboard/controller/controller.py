@@ -77,6 +77,8 @@ class Controller:
         acts_us = now_us + round(seen.delay_s * US_PER_S)
         x = self._estimator.state(acts_us)
         interlock = self._interlock(seen, now_us)
+        if interlock is not None and interlock.ends_session:
+            self._give_up(interlock.reason, now_us)
         if self.state is State.WAIT:
             self._start_if_ready(interlock, now_us)
         if self.state is State.PAUSED:
@@ -127,6 +129,13 @@ class Controller:
         if interlock is None:
             self.state = State.DRIVING
             self._started_us = self._goal_us = now_us
+
+    def _give_up(self, reason: str, now_us: int) -> None:
+        """End a drive that is under way, or not begun."""
+        if self.state is State.WAIT:
+            self._started_us = now_us
+        if self.state in (State.WAIT, State.DRIVING, State.PAUSED):
+            self._end(State.FAILED, reason, now_us)
 
     def _end_if_due(self, interlock: Interlock | None, x: NDArray[np.float64], now_us: int) -> None:
         if interlock is not None and interlock.lasting:

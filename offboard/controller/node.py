@@ -84,7 +84,7 @@ class ControllerNode:
             port,
             self._config,
             Guard(self._config, timeout_s, lever_m=MARKER_M),
-            self._commands.number,
+            self._commands,
             marker_offset=self.marker_offset,
         )
         SessionInfo(port, self._config, "park")

@@ -8,22 +8,15 @@ from importlib.metadata import version
 import lcmtypes
 from koopman_lab.bus import channel, channels
 from koopman_lab.bus.commanders import commander_number
-from koopman_lab.bus.motor_loop_faults import fault_text
 from koopman_lab.bus.node import Port
 from koopman_lab.config.load import dump_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.robots.table import robot_type
+from offboard.desk.refused_commands import RefusedCommands
 from offboard.desk.time_server import TimeServer
 
 ONBOARD_TIMEOUT_S = 1.0
 """Ten of its status messages."""
-
-
-def why_stopped(status: lcmtypes.onboard_status_t) -> str | None:
-    """Return what holds the robot until a person releases it, None if nothing does."""
-    if status.state == status.ESTOP:
-        return "emergency stop"
-    return fault_text(status.fault) if status.state == status.FAULT else None
 
 
 class Commands:
@@ -60,6 +53,9 @@ class Commands:
         self._message = robot.commanded()
         self._no_input = (0.0,) * robot.input_dim
         self._holds = False
+        self._sent = 0
+        self.refused = RefusedCommands(self.number, config.commander.refused_limit_s)
+        """Whether the motor loop takes what is sent."""
         port.subscribe(channels.ONBOARD_STATUS, self._on_onboard)
 
     def send(self, u: Sequence[float], utime: int) -> None:
@@ -80,11 +76,13 @@ class Commands:
 
     def _on_onboard(self, status: lcmtypes.onboard_status_t) -> None:
         self._holds = status.commander == self.number
+        self.refused.see(status, self._sent, self._port.now_us())
 
     def _send(self, u: Sequence[float], utime: int, intent: int) -> None:
         message = self._channel.type()
         message.utime, message.commander, message.intent = utime, self.number, intent
         self._message.encode(message, u)
+        self._sent += 1
         self._port.publish(self._channel, message)
 
 

@@ -11,6 +11,7 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.age import is_current, is_fresh
 from koopman_lab.bus.channel import Channel
 from koopman_lab.bus.commanders import commander_name
+from koopman_lab.bus.motor_loop_faults import why_stopped
 from koopman_lab.bus.node import Port
 from koopman_lab.bus.publishers import NamedIdentity, identity_faults
 from koopman_lab.bus.stamp_gate import StampGate
@@ -18,10 +19,11 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import ORIGIN, Pose, Velocity, compose, relative_to
 from koopman_lab.units import US_PER_S
 from offboard.desk.camera_stream import CameraStream
-from offboard.desk.commander import ONBOARD_TIMEOUT_S, why_stopped
+from offboard.desk.commander import ONBOARD_TIMEOUT_S, Commands
 from offboard.desk.guard import OLDEST_WHEELS_US, Guard
 from offboard.desk.interlock import Cause, Interlock
 from offboard.desk.measurements import Frame, WheelSpeeds
+from offboard.desk.wakefulness import Wakefulness
 
 LOGGER_TIMEOUT_S = 2.0
 """Four of its heartbeats."""
@@ -50,8 +52,8 @@ class DriveInputs:
         Of the node.
     guard
         Judges the motion.
-    commander
-        Number of who drives.
+    commands
+        Of who drives.
     marker_offset
         Pose of the tracked frame on the robot, where it is known: poses are then the robot's.
     records
@@ -63,7 +65,7 @@ class DriveInputs:
         port: Port,
         config: LabConfig,
         guard: Guard,
-        commander: int,
+        commands: Commands,
         *,
         marker_offset: Pose = ORIGIN,
         records: bool = False,
@@ -78,7 +80,8 @@ class DriveInputs:
         self.interlock: Interlock | None = None
         """Why the robot must not be driven in this step."""
         self._port, self._config = port, config
-        self._commander = commander
+        self._commander, self._commands = commands.number, commands
+        self._wakefulness = Wakefulness(config.commander.standstill_limit_s)
         self._robot_in_tracked_frame = relative_to(marker_offset, ORIGIN)
         self._has_offset = marker_offset != ORIGIN
         self._poses: list[lcmtypes.mocap_pose_t] = []
@@ -103,6 +106,7 @@ class DriveInputs:
 
     def step(self, now_us: int, *, driving: bool) -> None:
         """Judge what has come since the last step."""
+        self._wakefulness.step(now_us)
         poses = self._poses
         if self._stream is not None:
             plausible = [m for m in poses if self._pose_gate.admits(m.utime, now_us)]
@@ -112,7 +116,9 @@ class DriveInputs:
         poses.clear()
         # Asked in any case: from it the guard knows when a drive begins and ends.
         motion = self.guard.interlock(now_us, driving=driving)
-        self.interlock = self._silence(now_us) or self._second_publisher(now_us) or motion
+        self.interlock = (
+            self._failure() or self._silence(now_us) or self._second_publisher(now_us) or motion
+        )
         if self.interlock is None and self._stream is not None:
             complaint = self._stream.complaint()
             if complaint is not None:
@@ -130,6 +136,11 @@ class DriveInputs:
         if status is None or not is_fresh(status.utime, self._status_new_us, now_us, limit_us):
             return None
         return status
+
+    def _failure(self) -> Interlock | None:
+        """Return why this program cannot go on to drive; it stays so."""
+        complaint = self._wakefulness.complaint or self._commands.refused.complaint
+        return Interlock(complaint, lasting=True, cause=Cause.COMMANDER) if complaint else None
 
     def _silence(self, now_us: int) -> Interlock | None:
         """Return why the motor loop would take no commands, or nobody would write them down."""

@@ -15,10 +15,11 @@ class Cause(Enum):
     STREAM = "a stream is not what a session needs"
     MOTION = "cameras, wheels and commands contradict each other"
     FLOOR = "the robot is not, or would not stay, on the floor"
+    COMMANDER = "the program that drives cannot go on"
     OTHER = "something else"
 
 
-TO_BE_MENDED = (Cause.MOTION, Cause.FLOOR)
+TO_BE_MENDED = (Cause.MOTION, Cause.FLOOR, Cause.COMMANDER)
 """What ends a session while the robot is driven: nothing that passes, and no other's hold."""
 
 
@@ -38,3 +39,8 @@ class Interlock(NamedTuple):
     reason: str
     lasting: bool = False
     cause: Cause = Cause.OTHER
+
+    @property
+    def ends_session(self) -> bool:
+        """Return whether a session is over also while the robot stands and waits."""
+        return self.cause is Cause.COMMANDER

@@ -1,17 +1,16 @@
-"""Orders of a person (stop, release, goal), sent until the robot obeys: UDP loses messages."""
+"""Orders of a person, sent until the robot obeys, as UDP loses messages; the order to stop it.
+
+It imports little: whoever stops a robot has no time to load what only others need.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Generic, Protocol
+from typing import Generic, Protocol
 
 import lcmtypes
 from koopman_lab.bus.channel import Channel, M
-from koopman_lab.bus.channels import ESTOP, GOAL
-from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry.planar import Pose
-from offboard.desk.floor import require_on_floor
-from offboard.desk.goal_message import goal_message
+from koopman_lab.bus.channels import ESTOP
 
 TRIES = 100
 WAIT_S = 0.02
@@ -93,31 +92,3 @@ def stop_order(
         return newest.state not in (newest.ESTOP, newest.FAULT) if release else stopped
 
     return Order(ESTOP, message, obeyed)
-
-
-def goal_order(
-    goal: Pose, config: LabConfig, state: Callable[[], lcmtypes.mpc_state_t | None]
-) -> Order[Any]:
-    """Return the order to park somewhere else.
-
-    Parameters
-    ----------
-    goal
-        In the inertial frame.
-    config
-        Of the lab, for the bounds of the floor.
-    state
-        Returns the controller's newest step, None if it is silent.
-
-    Raises
-    ------
-    LabStateError
-        If the goal is no pose, or outside the floor.
-    """
-    require_on_floor(goal, config.floor)
-
-    def obeyed() -> bool:
-        newest = state()
-        return newest is not None and tuple(newest.goal) == tuple(goal)
-
-    return Order(GOAL, lambda utime: goal_message(goal, utime), obeyed)

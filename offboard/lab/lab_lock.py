@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
-import os
 import socket
 from collections.abc import Iterator
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
+from koopman_lab.file_lock import LockHeldError, held
 from koopman_lab.files import cache_folder
 from offboard.lab.process_notes import FOLDER, lab_key
 
@@ -28,25 +27,17 @@ def lab_lock(config: LabConfig) -> Iterator[None]:
     """
     # Home folders may be shared between machines.
     file = cache_folder() / FOLDER / f"{lab_key(config)}-{socket.gethostname()}.lock"
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        lock = file.open("a+")
-    except OSError:
-        # As with the notes: a lab runs as well where this folder cannot be written.
-        yield
-        return
-    with lock:
+    with contextlib.ExitStack() as stack:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            lock.seek(0)
-            name, holder = config.robot.name, lock.read().strip() or "another command"
+            stack.enter_context(held(file))
+        except LockHeldError as holder:
+            name = config.robot.name
             raise LabStateError(
                 f"{holder} runs the lab of {name} already on {config.bus.url}, or is about to; end "
                 f"it by Ctrl-C or `klab down --robot-name {name}`, or take another name with "
                 "--robot-name R2"
             ) from None
-        lock.truncate(0)
-        lock.write(f"process {os.getpid()}")
-        lock.flush()
+        except OSError:
+            # As with the notes: a lab runs as well where this folder cannot be written.
+            pass
         yield

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 import lcmtypes
 from koopman_lab.bus.channels import ONBOARD_STATUS
 from koopman_lab.bus.commanders import NOBODY, commander_name
+from koopman_lab.bus.motor_loop_faults import why_stopped
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
-from offboard.desk.commander import ONBOARD_TIMEOUT_S, why_stopped
+from offboard.desk.commander import ONBOARD_TIMEOUT_S
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
@@ -78,8 +79,8 @@ class RobotWatch:
         why = why_stopped(status)
         if why is not None:
             return (
-                f"the robot is stopped ({why}); mend the cause, then `klab estop --release`, and "
-                "start again"
+                f"the robot is stopped ({why}); mend the cause, then `klab estop --release` while "
+                "its onboard program runs (`klab up`), and start again"
             )
         if self.commander is None or status.commander in (NOBODY, self.commander):
             return None

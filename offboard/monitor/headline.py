@@ -9,10 +9,10 @@ from typing import Any
 import lcmtypes
 from koopman_lab.bus.channel import COMMANDER, Channel
 from koopman_lab.bus.channels import TIME_PONG, TIME_SYNC
+from koopman_lab.bus.motor_loop_faults import why_stopped
 from koopman_lab.bus.processes import commanders, died
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
-from offboard.desk.commander import why_stopped
 from offboard.monitor.process_states import DIED, FINISHED, ProcessState
 from offboard.monitor.streams import Stream
 

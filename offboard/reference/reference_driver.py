@@ -108,6 +108,10 @@ class ReferenceDriver:
 
     def step(self, seen: Observation, now_us: int) -> Action:
         """Return what to do in the next control interval."""
+        if seen.interlock is not None and seen.interlock.ends_session and not self.reason:
+            self.reason = seen.interlock.reason
+            if self.phase not in (Phase.RUN, Phase.STOP, Phase.DONE):
+                self._enter(Phase.STOP, now_us)
         if self.phase is Phase.WAIT and seen.ready:
             self._enter(Phase.PLACE, now_us)
         if self.phase is Phase.STOP and self._has_stopped(seen, now_us):
@@ -160,6 +164,8 @@ class ReferenceDriver:
 
     def _has_stopped(self, seen: Observation, now_us: int) -> bool:
         rested = now_us - self._since_us >= STANDING_S * US_PER_S
+        if seen.interlock is not None and seen.interlock.ends_session:
+            return rested  # what the robot does is no more this session's affair
         # Whatever forbids driving, a robot that nobody holds and that aims at rest has stopped.
         return rested and seen.free and (seen.ready or bool(self.reason))
 

@@ -53,8 +53,7 @@ class SamplerNode:
         self._port = port
         self._commands = Commands(port, self._config, self.name)
         guard = Guard(self._config, self._config.sampler.tracking_timeout_s)
-        number = self._commands.number
-        self._inputs = DriveInputs(port, self._config, guard, number, records=True)
+        self._inputs = DriveInputs(port, self._config, guard, self._commands, records=True)
         SessionInfo(port, self._config, "calibrate")
         port.every(1.0 / self._config.controller.dt_s, self._on_tick)
 

@@ -136,6 +136,9 @@ class Sampler:
         if interlock is not None:
             if interlock.cause in TO_BE_MENDED:
                 self.reason = interlock.reason
+            if interlock.ends_session:
+                # The robot does not do what was sent last: to ramp down from it would move it.
+                self._velocity = REST
             self._give_up(redraw_of(interlock), now_us)
         elif self.phase is not Phase.BASIS and now_us - self._since_us > limit_us:
             self._give_up(Redraw.TOOK_TOO_LONG, now_us)
@@ -159,6 +162,9 @@ class Sampler:
         if interlock is None:
             self._waits_since_us = None
             return True
+        if interlock.ends_session:
+            self.reason = interlock.reason
+            return False
         if self._waits_since_us is None:
             self._waits_since_us = now_us
         limit_s = self._settings.wait_limit_s
@@ -258,7 +264,8 @@ class Sampler:
             return self._towards(REST)
         if now_us - self._since_us < round(STANDING_S * US_PER_S):
             return self._towards(REST)
-        setpoint = seen.setpoint if self._body.integrates else None
+        is_lost = seen.interlock is not None and seen.interlock.ends_session
+        setpoint = seen.setpoint if self._body.integrates and not is_lost else None
         if setpoint is not None and max(map(abs, setpoint)) > 1e-6:
             # Commands were lost on the way: the robot still moves by what they would have taken.
             # What it says of that now is old until the correction has arrived and was told of.

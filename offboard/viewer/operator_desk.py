@@ -9,7 +9,8 @@ from koopman_lab.bus.realtime import Listener, RealtimePort
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.units import US_PER_S
-from offboard.desk.orders import WAIT_S, Order, goal_order, stop_order
+from offboard.desk.goal_message import goal_order
+from offboard.desk.orders import WAIT_S, Order, stop_order
 from offboard.monitor.lab_view import LabView
 from offboard.monitor.robot_view import RobotView
 from offboard.viewer.request import ARM, GOAL, RELEASE, STOP, Request

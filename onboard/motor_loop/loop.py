@@ -118,6 +118,15 @@ class MotorLoop:
         if self.stop_latch.release(stop_number, ordered_us):
             self._stand_by()
 
+    def hold(self, fault: Fault, now_us: int) -> None:
+        """Hold the robot for what was found outside the loop, or before it began.
+
+        ``fault`` is NO_FAULT for an emergency stop.
+        """
+        self.stop_latch.engage(now_us, now_us)
+        self.fault = fault
+        self._stop_at_once(State.FAULT if fault else State.ESTOP)
+
     def encoder(self, utime: int, left_count: int, right_count: int, battery_v: float) -> None:
         """Take the newest encoder counters and battery voltage."""
         self.odometry.update(utime, left_count, right_count)
@@ -138,8 +147,7 @@ class MotorLoop:
             now_us, self.battery_v, encoder_us, self._duties, measured, self._wheel_setpoints
         )
         if self.fault:
-            self.stop_latch.engage(now_us, now_us)
-            self._stop_at_once(State.FAULT)
+            self.hold(self.fault, now_us)
         elif self.state is not AT_REST:
             self._duties = self._driven_duties(measured, now_us)
         return self._duties

@@ -6,6 +6,7 @@ import struct
 
 import lcmtypes
 from koopman_lab.bus import channels
+from koopman_lab.bus.motor_loop_faults import Fault
 from koopman_lab.bus.node import Port
 from koopman_lab.bus.stamp_gate import StampGate
 from koopman_lab.config.schema import LabConfig
@@ -15,15 +16,28 @@ from koopman_lab.robots.table import robot_type
 from onboard.desk_time import DeskTime
 from onboard.motor_loop.command_arbiter import Command, Intent
 from onboard.motor_loop.loop import MotorLoop
+from onboard.motor_loop.stop_keeper import StopKeeper, StopStore
+from onboard.second_loop import SecondLoop
 
 
 class OnboardNode:
-    """Listens to commands, ESTOP and ENCODER; speaks MOTOR_CMD, WHEEL_STATE, ONBOARD_STATUS."""
+    """Listens to commands, ESTOP and ENCODER; speaks MOTOR_CMD, WHEEL_STATE, ONBOARD_STATUS.
+
+    Parameters
+    ----------
+    config
+        The lab.
+    stops
+        Where a stop is written down, by a program of its own on a board; it then also listens for
+        another one that speaks for its robot. None where nothing can outlast the node.
+    """
 
     name = "onboard"
 
-    def __init__(self, config: LabConfig) -> None:
+    def __init__(self, config: LabConfig, stops: StopStore | None = None) -> None:
         self.loop = MotorLoop(config)
+        self._keeper = None if stops is None else StopKeeper(self.loop, stops)
+        self._second_loop: SecondLoop | None = None
         self._config = config
         self._robot = config.robot
         self._command = robot_type(config.robot.kind).commanded()
@@ -40,6 +54,9 @@ class OnboardNode:
         port.subscribe_raw(channels.ESTOP, self._on_estop)
         for channel in channels.wheel_command_channels():
             port.subscribe_raw(channel, self._on_command)
+        if self._keeper is not None:
+            self._keeper.begin(port.now_us())
+            self._second_loop = SecondLoop(port, self._time, self._on_second_loop)
         port.every(self._rates.rate_hz, self._on_tick)
         port.every(self._rates.wheel_state_rate_hz, self._on_wheel_state_tick)
         port.every(self._rates.status_rate_hz, self._on_status_tick)
@@ -87,6 +104,13 @@ class OnboardNode:
         self._ticked_us = tick_us
         left, right = self.loop.tick(tick_us)
         self._send_duties(left, right, tick_us)
+        if self._keeper is not None:
+            self._keeper.keep(tick_us)
+
+    def _on_second_loop(self, now_us: int) -> None:
+        # Once said it holds until a person releases it: nobody else knows when the other is gone.
+        if self.loop.fault != Fault.SECOND_LOOP:
+            self.loop.hold(Fault.SECOND_LOOP, now_us)
 
     def _send_duties(self, left: float, right: float, utime: int) -> None:
         # Encoded as soon as it is filled, so that one does.
@@ -110,6 +134,8 @@ class OnboardNode:
 
     def _on_status_tick(self, tick_us: int) -> None:
         loop, arbiter = self.loop, self.loop.arbiter
+        if self._keeper is not None:
+            self._keeper.keep(tick_us)
         refused = arbiter.counts.refused
         message = lcmtypes.onboard_status_t()
         message.utime = self._time.to_desk(tick_us)
@@ -129,3 +155,5 @@ class OnboardNode:
         message.refused_release = loop.stop_latch.refused_releases
         message.battery_v = loop.battery_v or 0.0
         self._port.publish(channels.ONBOARD_STATUS, message)
+        if self._second_loop is not None:
+            self._second_loop.remember(message)

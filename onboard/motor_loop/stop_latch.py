@@ -16,6 +16,9 @@ class StopLatch:
     clock says; one of a replayed log names another. Each stop is one of its own, also where the
     robot is stopped already: a release that was meant for the one before does not undo it.
 
+    Numbers only grow, also over a restart (:meth:`go_on_from`) and on a board whose clock was set
+    back: no release of before can name a stop of today.
+
     A release of a sender that knows no numbers counts by its stamp alone.
     """
 
@@ -25,6 +28,11 @@ class StopLatch:
         self.refused_releases = 0
         """Releases since start that were not meant for the stop under way."""
         self._ordered_us: float = -math.inf
+        self._newest_number: float = -math.inf
+
+    def go_on_from(self, number: int) -> None:
+        """Give stops to come higher numbers than that of a stop of before."""
+        self._newest_number = max(self._newest_number, number)
 
     def engage(self, now_us: int, stamped_us: int) -> None:
         """Hold the robot.
@@ -36,7 +44,7 @@ class StopLatch:
         stamped_us
             When the stop was ordered (us), by the board's clock.
         """
-        self.number = now_us or 1
+        self.number = self._next_number(now_us)
         # Nobody stops it in the future; so no stamp, however wrong, makes it stop for good. A stop
         # of long ago comes from a replayed log, whose releases are no newer for it.
         self._ordered_us = max(self._ordered_us, min(stamped_us, now_us))
@@ -60,6 +68,12 @@ class StopLatch:
         else:
             self.refused_releases += 1
         return is_meant
+
+    def _next_number(self, now_us: int) -> int:
+        number = now_us if now_us > self._newest_number else int(self._newest_number) + 1
+        # None has the number that stands for no stop.
+        self._newest_number = number = number or 1
+        return number
 
     def clear(self) -> None:
         """Let the robot go."""

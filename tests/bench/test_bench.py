@@ -130,3 +130,10 @@ def test_bench_realtime_shows_motor_loop_and_machine_side_by_side(tmp_path):
         assert row["ticks"] + row["missed"] >= 300
         assert row["missed_share"] == pytest.approx(row["missed"] / (row["ticks"] + row["missed"]))
         assert 0.0 < row["period_p50_ms"] <= row["period_p99_ms"] <= row["period_max_ms"]
+
+
+def test_the_bench_of_the_stop_command_hears_its_first_message_beside_busy_loops():
+    rows = klab_json("bench", "estop", "--tries", "1", "--load", "0", "--load", "2")
+    assert [row["load"] for row in rows] == [0, 2]
+    for row in rows:
+        assert 0.0 < row["cpu_s"] <= row["wall_s"]

@@ -11,6 +11,7 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import Pose
+from offboard.desk.commander import Commands
 from offboard.desk.drive_inputs import DriveInputs
 from offboard.desk.guard import Guard
 from offboard.desk.interlock import Cause
@@ -78,7 +79,9 @@ class Driver:
 
     def attach(self, port):
         guard = Guard(self.config, 0.5)
-        self.inputs = DriveInputs(port, self.config, guard, COMMANDER, records=self.records)
+        self.inputs = DriveInputs(
+            port, self.config, guard, Commands(port, self.config, self.name), records=self.records
+        )
         port.every(20.0, self.tick)
         port.subscribe(
             channels.INTERLOCK, lambda m: self.told.append((m.utime, m.reason, m.lasting))
@@ -97,7 +100,7 @@ class Bench:
     def __init__(self, *, records=True):
         config = load_config(robot="kinematic")
         self.speakers, self.driver = Speakers(), Driver(config, records=records)
-        self.lab = Lockstep(config, start_us=10_000_000)
+        self.lab = Lockstep(config, start_us=10_000_000, process=100)
         self.lab.add(self.speakers)
         self.lab.add(self.driver)
 
@@ -270,7 +273,11 @@ def test_a_known_marker_offset_is_taken_out():
         def attach(self, port):
             offset = Pose(0.1, 0.0, math.pi / 2)
             seen["inputs"] = self.inputs = DriveInputs(
-                port, config, Guard(config, 0.5), COMMANDER, marker_offset=offset
+                port,
+                config,
+                Guard(config, 0.5),
+                Commands(port, config, self.name),
+                marker_offset=offset,
             )
             self.port = port
             port.every(20.0, self.tick)

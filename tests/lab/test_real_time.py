@@ -20,7 +20,7 @@ from klab import (
 from real_bus import Ear, config, other, recorded, tool
 
 import lcmtypes
-from koopman_lab.bus import multicast, realtime
+from koopman_lab.bus import multicast, priority
 from koopman_lab.bus.channels import CHANNELS, ONBOARD_STATUS
 from offboard.commands.rerun_node import REAL_TIME_SHARE
 from offboard.lab.process_notes import broken_labs
@@ -134,7 +134,7 @@ def test_session_beside_lcm_logger_replayed_by_lcm_logplayer(bus_url, tmp_path):
         [tool("lcm-logger"), f"--lcm-url={url}", "--quiet", str(theirs)],
         stdout=subprocess.DEVNULL,
         # Before everybody, or others push it aside for longer than its queue lasts.
-        preexec_fn=lambda: realtime.ask_for_priority(2 * realtime.PRIORITY),
+        preexec_fn=lambda: priority.ask_for_priority(2 * priority.PRIORITY),
     )
     try:
         klab_ok("calibrate", "--segments", "3", "--out", ours.parent, *SHORT_RUNS, *NO_RADIO_LOSS)

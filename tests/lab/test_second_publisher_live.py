@@ -7,6 +7,7 @@ from klab import klab, klab_json, start_klab
 from real_bus import Ear
 
 from koopman_lab.bus.channels import HEARTBEATS
+from koopman_lab.files import STATE_VARIABLE
 
 NAMED = ("R1_MOCAP_POSE", "R1_ENCODER", "R1_ONBOARD_STATUS", "R1_WHEEL_STATE")
 
@@ -20,6 +21,8 @@ def two_robots(bus_url, tmp_path, monkeypatch):
         ear.listener.subscribe(HEARTBEATS[name], lambda beat: heard.add(beat.pid))
     lab = start_klab("up", "--out", tmp_path / "up")
     ear.wait_for("plant", "onboard", "logger")
+    # Of another board, which knows nothing of the first one's lock.
+    monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "another board"))
     others = [start_klab("run", "plant"), start_klab("run", "onboard", "--preset", "lab")]
     try:
         ear.wait(lambda: {process.pid for process in others} <= heard)

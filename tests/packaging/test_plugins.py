@@ -288,7 +288,7 @@ def test_the_doctor_names_everything_that_is_broken(broken, monkeypatch):
 def test_the_command_line_starts_without_a_look_at_other_packages():
     code = (
         "from koopman_lab import registry\n"
-        "registry.entry_points = None\n"
+        "registry._entry_points = None\n"
         "import offboard.cli.main\n"
         "from koopman_lab.config.load import load_config\n"
         "from koopman_lab.bus.channels import HEARTBEATS\n"

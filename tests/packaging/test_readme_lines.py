@@ -17,7 +17,7 @@ ELSEWHERE = {
     "on less, and what it prints looked at: tests/bench: test_bench, test_fault_table, test_soak": (
         *("klab bench faults", "klab bench realtime", "klab bench ocp", "klab bench parks"),
         *("klab bench logger", "klab bench edmd", "klab bench view", "klab bench soak"),
-        "klab bench flood",
+        *("klab bench flood", "klab bench estop"),
     ),
     "in a browser: tests/browser/test_bench_stop.py": ("klab bench stop",),
     "by a shell: tests/packaging/test_first_hour.py": ("source .venv/bin/activate", "klab doctor"),

@@ -1,7 +1,8 @@
-"""The motor loop on the plant, tick by tick, for the tests of either."""
+"""The motor loop on the plant, tick by tick, for the tests of either; a disk for its stops."""
 
 import numpy as np
 
+from koopman_lab.errors import LabStateError
 from onboard.motor_loop.command_arbiter import Command, Intent
 from onboard.motor_loop.loop import MotorLoop
 from onboard.plant.plant import Plant
@@ -55,3 +56,23 @@ class Bench:
             self.tick()
             rows.append((*self.loop.setpoint, *self.plant.body_velocity()))
         return np.array(rows)
+
+
+class MemoryStore:
+    """A disk that outlasts the program, and that can be made to fail."""
+
+    def __init__(self, record=None):
+        self.record = record
+        self.readable = self.writable = True
+        self.writes = 0
+
+    def read(self):
+        if not self.readable:
+            raise LabStateError("cannot be read")
+        return self.record
+
+    def write(self, record):
+        if not self.writable:
+            raise LabStateError("cannot be written")
+        self.record = record
+        self.writes += 1

@@ -1,0 +1,139 @@
+"""Whether the motor loop takes the commands that are sent to it, and only those."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import lcmtypes
+from koopman_lab.bus.age import is_current
+from koopman_lab.bus.commanders import NOBODY
+from koopman_lab.units import US_PER_S
+
+LARGEST_SHARE = 0.75
+"""Of the commands sent: after a hole of the radio some are refused until the robot has stopped, and
+all that the radio had kept until then."""
+LONGEST_GAP_US = 500_000
+"""Between two status messages; what was before a hole of the radio says nothing of after it."""
+FEWEST_SENT = 10
+"""Of fewer nothing is said."""
+MORE_THAN_SENT = 5
+"""So many commands may lie between the first and the last status of a window unseen; more that
+were accepted beyond those sent are another's."""
+CLOCKS_TAKE = 3.0
+"""So many times as long a board may find commands too old, until it knows the time again."""
+
+_HINTS = {
+    "out of order": (
+        "another program sends commands under this one's number: look for it with `klab topics` "
+        "and on other desks, and end it"
+    ),
+    "outside the limits": (
+        "the onboard program has tighter limits: start both with the same --preset and --config"
+    ),
+    "of another type": "the onboard program drives another kind of robot: see --robot",
+    "too old or of the future": (
+        "the clocks of desk and board do not agree: see TIME_SYNC in `klab topics`, and start the "
+        "onboard program again"
+    ),
+}
+"""What to do, by why commands are refused."""
+
+
+class _Counts(NamedTuple):
+    utime: int
+    sent: int
+    accepted: int
+    refused: tuple[int, ...]
+    """In the order of :data:`_HINTS`."""
+
+    def since(self, before: _Counts) -> _Counts:
+        refused = tuple(now - then for now, then in zip(self.refused, before.refused, strict=True))
+        return _Counts(
+            self.utime - before.utime,
+            self.sent - before.sent,
+            self.accepted - before.accepted,
+            refused,
+        )
+
+
+class RefusedCommands:
+    """Compares what is sent with what the motor loop says that it took.
+
+    Parameters
+    ----------
+    commander
+        Number of who sends.
+    limit_s
+        For so long most commands may be refused (s).
+
+    Attributes
+    ----------
+    complaint
+        What is wrong, in words; None as long as nothing is. Once said it stays.
+    """
+
+    def __init__(self, commander: int, limit_s: float) -> None:
+        self.complaint: str | None = None
+        self._commander = commander
+        self._limit_us = round(limit_s * US_PER_S)
+        self._longest_us = round(CLOCKS_TAKE * limit_s * US_PER_S)
+        self._seen: deque[_Counts] = deque()
+
+    def see(self, status: lcmtypes.onboard_status_t, sent: int, now_us: int) -> None:
+        """Take a status that arrives at ``now_us``, when ``sent`` commands had been sent."""
+        counts = _Counts(
+            now_us,
+            sent,
+            status.accepted,
+            (status.refused_order, status.refused_value, status.refused_type, status.refused_stale),
+        )
+        others = status.commander not in (NOBODY, self._commander)
+        stopped = status.state in (status.ESTOP, status.FAULT)
+        # Of a robot that is another's or stopped, and of a loop that counts anew, nothing is known.
+        if others or stopped or (self._seen and self._begins_anew(counts)):
+            self._seen.clear()
+        self._seen.append(counts)
+        while len(self._seen) > 1 and now_us - self._seen[1].utime >= self._longest_us:
+            self._seen.popleft()
+        if self.complaint is None:
+            self.complaint = self._judge()
+
+    def _begins_anew(self, counts: _Counts) -> bool:
+        before = self._seen[-1]
+        return counts.accepted < before.accepted or not is_current(
+            before.utime, counts.utime, LONGEST_GAP_US
+        )
+
+    def _judge(self) -> str | None:
+        newest, oldest = self._seen[-1], self._seen[0]
+        recent = next(
+            (c for c in reversed(self._seen) if newest.utime - c.utime >= self._limit_us), None
+        )
+        if recent is not None:
+            window = newest.since(recent)
+            if window.accepted > window.sent + MORE_THAN_SENT:
+                return (
+                    f"the onboard program took {window.accepted} commands in "
+                    f"{window.utime / US_PER_S:.1f} s, of which this program sent {window.sent}: "
+                    + _HINTS["out of order"]
+                )
+            complaint = _complaint(window, sum(window.refused[:-1]))
+            if complaint is not None:
+                return complaint
+        if newest.utime - oldest.utime >= self._longest_us:
+            window = newest.since(oldest)
+            return _complaint(window, sum(window.refused))
+        return None
+
+
+def _complaint(window: _Counts, refused: int) -> str | None:
+    """Return what to say of a time in which so many commands were refused, None if nothing."""
+    if window.sent < FEWEST_SENT or refused < LARGEST_SHARE * window.sent:
+        return None
+    by_why = dict(zip(_HINTS, window.refused, strict=True))
+    why = max(by_why, key=lambda text: by_why[text])
+    return (
+        f"the onboard program refused {refused} commands in {window.utime / US_PER_S:.1f} s, in "
+        f"which this program sent {window.sent}, most as {why}: {_HINTS[why]}"
+    )

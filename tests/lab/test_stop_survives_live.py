@@ -1,0 +1,151 @@
+"""A stop over real UDP: the program that holds it dies, or a second one is started beside it."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+from klab import klab, start_klab
+from real_bus import Ear
+
+import lcmtypes
+from koopman_lab.bus.channels import MOTOR_CMD, PLANT_TRUTH
+from koopman_lab.config.load import dump_config, load_config
+from koopman_lab.files import STATE_VARIABLE
+from offboard.bench.faults.stage import TruthSample, is_at_rest
+
+STATUS = lcmtypes.onboard_status_t
+MESSAGES = 100
+"""Motor commands of one second."""
+STILL_M = 1e-3
+
+
+def estop(*arguments):
+    """Run `klab estop` as its entry point does."""
+    command = [sys.executable, "-m", "offboard.cli.start", "estop", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+
+
+class Board:
+    """The programs of a robot, one by one, and somebody who drives it whenever it may."""
+
+    def __init__(self, url, folder):
+        self.ear = Ear(url)
+        self.duties, self.truths = [], []
+        self.ear.listener.subscribe(MOTOR_CMD, self.duties.append)
+        self.ear.listener.subscribe(PLANT_TRUTH, self.truths.append)
+        self.running = []
+        config = folder / "config.yaml"
+        config.write_text(dump_config(load_config(overrides=[f"bus.url={url}"])))
+        self.start("plant")
+        self.onboard = self.start("onboard", "--preset", "lab")
+        self.start("slalom", "--config", config)
+
+    def start(self, *arguments):
+        process = start_klab("run", *arguments)
+        self.running.append(process)
+        return process
+
+    def kill(self, process):
+        process.send_signal(signal.SIGKILL)
+        process.communicate(timeout=60)
+        self.running.remove(process)
+        self.ear.status = None
+
+    def wait_for(self, *states):
+        self.ear.wait(lambda: self.ear.status is not None and self.ear.status.state in states)
+
+    def wait_until_it_drives(self):
+        self.wait_for(STATUS.DRIVING)
+        self.ear.wait(lambda: abs(self.ear.status.v_setpoint_m_per_s) > 0.1)
+
+    def require_still(self):
+        """Let the robot brake, then watch a second of duties: none, and it stays where it is."""
+        self.truths.clear()
+        self.ear.wait(lambda: any(map(is_at_rest, map(TruthSample.of, self.truths[-5:]))))
+        self.duties.clear()
+        self.truths.clear()
+        self.ear.wait(lambda: len(self.duties) >= MESSAGES and len(self.truths) >= MESSAGES)
+        assert {(d.left_duty, d.right_duty) for d in self.duties} == {(0.0, 0.0)}
+        for axis in ("x1_m", "x2_m"):
+            places = [getattr(truth, axis) for truth in self.truths]
+            assert max(places) - min(places) < STILL_M
+
+    def end(self):
+        for process in self.running:
+            process.terminate()
+            process.communicate(timeout=60)
+
+
+@pytest.fixture
+def board(bus_url, tmp_path):
+    board = Board(bus_url, tmp_path)
+    try:
+        board.wait_until_it_drives()
+        yield board
+    finally:
+        board.end()
+
+
+def test_a_stop_outlasts_the_program_that_holds_it_and_its_release_ends_it(board):
+    assert estop().stderr == "stopped; `klab estop --release` releases it\n"
+    board.wait_for(STATUS.ESTOP)
+    number = board.ear.status.stop_number
+    for _ in range(2):
+        board.kill(board.onboard)
+        board.onboard = board.start("onboard", "--preset", "lab")
+        board.wait_for(STATUS.ESTOP)
+        assert board.ear.status.stop_number > number
+        number = board.ear.status.stop_number
+        board.require_still()
+    assert estop("--release").returncode == 0
+    board.wait_until_it_drives()
+    # Nothing is left of it: who dies now drives again.
+    board.kill(board.onboard)
+    board.onboard = board.start("onboard", "--preset", "lab")
+    board.wait_until_it_drives()
+
+
+def test_where_no_stop_can_be_kept_a_start_is_a_stopped_start_in_words(
+    board, tmp_path, monkeypatch
+):
+    blocked = tmp_path / "blocked"
+    blocked.write_text("")
+    board.kill(board.onboard)
+    monkeypatch.setenv(STATE_VARIABLE, str(blocked))
+    board.onboard = board.start("onboard", "--preset", "lab")
+    board.wait_for(STATUS.FAULT)
+    assert board.ear.status.fault == STATUS.STOP_NOT_KEPT
+    board.require_still()
+    stop = estop()
+    assert stop.returncode == 2
+    assert "cannot keep a stop over a restart" in " ".join(stop.stderr.split())
+    assert estop("--release").returncode == 0
+    board.wait_until_it_drives()
+    board.onboard.terminate()
+    said, _ = board.onboard.communicate(timeout=60)
+    assert str(blocked) in said.replace("\n", "")
+
+
+def test_a_second_program_on_the_same_board_is_refused_and_changes_nothing(board):
+    second = klab("run", "onboard", "--preset", "lab")
+    assert second.returncode == 2
+    said = " ".join(second.stderr.split())
+    assert f"process {board.onboard.pid} runs the onboard program of R1 already" in said
+    board.wait_until_it_drives()
+
+
+def test_a_second_board_elsewhere_stops_both_and_is_named(board, tmp_path, monkeypatch):
+    monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "another board"))
+    second = board.start("onboard", "--preset", "lab")
+    board.wait_for(STATUS.FAULT)
+    assert board.ear.status.fault == STATUS.SECOND_LOOP
+    board.require_still()
+    status = klab("status")
+    assert status.returncode == 1
+    said = " ".join(status.stderr.split())
+    assert "uses the name R1" in said or "second onboard program speaks for this robot" in said
+    board.kill(second)
+    board.require_still()
+    assert estop("--release").returncode == 0
+    board.wait_until_it_drives()
