@@ -16,13 +16,16 @@ from typing import Any, NamedTuple
 
 import lcm
 
+from koopman_lab.bus.admission import Admission, Admissions
+from koopman_lab.bus.authentication import Signer
 from koopman_lab.bus.channel import Channel, M
+from koopman_lab.bus.lab_key import configured_key
 from koopman_lab.bus.multicast import drain, open_lcm, subscribe
 from koopman_lab.bus.node import Node, RawHandler
 from koopman_lab.bus.pacing import TickTimes
 from koopman_lab.bus.port import BasePort, Wrap
 from koopman_lab.bus.processes import PRIORITY, priority_of
-from koopman_lab.bus.subscription import Deliver
+from koopman_lab.bus.subscription import Deliver, Subscription
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 
@@ -42,12 +45,27 @@ class Clock:
 
 
 class RealtimePort(BasePort):
-    """A node's side of the LCM bus."""
+    """A node's side of the LCM bus.
+
+    Parameters
+    ----------
+    node_name, config
+        Whose it is.
+    bus
+        Opened.
+    key
+        Of the lab: what is sent on protected channels carries its tag, what is heard there must.
+        None where there is no key.
+    """
 
     virtual = False
 
-    def __init__(self, node_name: str, config: LabConfig, bus: lcm.LCM) -> None:
+    def __init__(self, node_name: str, config: LabConfig, bus: lcm.LCM, key: bytes | None) -> None:
         super().__init__(node_name, config, os.getpid())
+        self._key = key
+        self._signer = None if key is None else Signer(key)
+        self._signed: set[str] = set()
+        """The channels on the bus whose messages are signed."""
         self._bus_clock = Clock()
         self._pending: list[tuple[int, int, Deliver, bytes]] = []
         self._sequence = count()
@@ -58,8 +76,27 @@ class RealtimePort(BasePort):
         return self._bus_clock.now_us()
 
     def send(self, name: str, data: bytes) -> None:
-        """Publish the bytes on LCM."""
+        """Publish the bytes on LCM, signed where the channel is protected."""
+        if name in self._signed:
+            assert self._signer is not None
+            data = self._signer.sign(name, data)
         self.bus.publish(name, data)
+
+    def _open(self, channel: Channel[M]) -> tuple[str, count[int]]:
+        publication = super()._open(channel)
+        if self._signer is not None and channel.protection != "never":
+            self._signed.add(publication[0])
+        return publication
+
+    def subscription(self, channel: Channel[M]) -> Subscription:
+        """Return what messages of a channel go through; a protected one lets in who has the key."""
+        subscription = super().subscription(channel)
+        is_protected = self._key is not None and channel.protection != "never"
+        if is_protected and subscription.admission is None:
+            assert self._key is not None
+            name = channel.name(self.robot_name)
+            subscription.admission = Admission(self._key, channel, name)
+        return subscription
 
     def deliver_at(self, at_us: int, deliver: Deliver, data: bytes) -> None:
         """Hand over a message when the loop next finds it due."""
@@ -85,8 +122,14 @@ class RealtimePort(BasePort):
 
     def listen_to(self, name: str) -> None:
         """Subscribe at LCM to a channel that has a handler."""
-        deliver = self.subscriptions[name].arrive
-        subscribe(self.bus, name, lambda _, data: deliver(data, self.bus_us()))
+        subscription = self.subscriptions[name]
+        deliver, admission = subscription.arrive, subscription.admission
+
+        def take(_: str, data: bytes) -> None:
+            if admission is None or admission.admits(data):
+                deliver(data, self.bus_us())
+
+        subscribe(self.bus, name, take)
 
     def drain(self) -> None:
         """Handle everything that has arrived."""
@@ -165,10 +208,13 @@ def run_node(
     ------
     BusError
         If the bus cannot be opened.
+    ConfigError
+        If the key that the configuration names cannot be used.
     """
     # First of all: the thread in which LCM receives inherits it, and would be starved without.
     ask_for_priority(priority_of(node.name))
-    port = RealtimePort(node.name, config, open_lcm(config))
+    key = configured_key(config)
+    port = RealtimePort(node.name, config, open_lcm(config), key)
     stop = StopSignals()
     with stop.installed():
         try:
@@ -236,12 +282,15 @@ class Listener:
     ------
     BusError
         If the bus cannot be opened.
+    ConfigError
+        If the key that the configuration names cannot be used.
     """
 
     def __init__(self, config: LabConfig) -> None:
         self._config = config
+        self._key = configured_key(config)
         self._bus = open_lcm(config)
-        self._port = RealtimePort("", config, self._bus)
+        self._port = RealtimePort("", config, self._bus, self._key)
 
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
         """Call ``handler`` with every message of a channel."""
@@ -251,11 +300,25 @@ class Listener:
         if not known:
             self._port.listen_to(name)
 
-    def overhear(self, handler: RawHandler) -> None:
-        """Call ``handler`` with every message on the bus, of all robots and other programs."""
-        port = self._port
-        subscription = self._bus.subscribe(".*", lambda n, data: handler(n, data, port.bus_us()))
-        subscription.set_queue_capacity(0)
+    def overhear(self, handler: RawHandler, refused: RawHandler | None = None) -> None:
+        """Call ``handler`` with every message on the bus, of all robots and other programs.
+
+        Where the lab has a key, ``refused`` is called instead with those on protected channels that
+        lack its tag, or were sent before.
+        """
+        port, admissions = self._port, None if self._key is None else Admissions(self._key)
+
+        def take(name: str, data: bytes) -> None:
+            if admissions is None or admissions.admits(name, data):
+                handler(name, data, port.bus_us())
+            elif refused is not None:
+                refused(name, data, port.bus_us())
+
+        self._bus.subscribe(".*", take).set_queue_capacity(0)
+
+    def without_key(self, channel: Channel[M]) -> int:
+        """Return how many messages of a channel were dropped because they lack the lab's key."""
+        return self._port.without_key(channel)
 
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message; its ``utime`` is the caller's to set (see :meth:`now_us`)."""
@@ -263,7 +326,7 @@ class Listener:
 
     def speaking_to(self, robot_name: str) -> RealtimePort:
         """Return what publishes on the channels of another robot, on the same bus."""
-        port = RealtimePort("", self._config, self._bus)
+        port = RealtimePort("", self._config, self._bus, self._key)
         port.robot_name = robot_name
         return port
 

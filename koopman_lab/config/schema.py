@@ -43,6 +43,7 @@ class Bus(Section):
     url: str
     receive_buffer_bytes: Annotated[int, Field(ge=65536)]
     heartbeat_rate_hz: Positive
+    key_file: Annotated[str, Field(min_length=1)] | None
 
 
 class ClockSync(Section):
