@@ -36,6 +36,20 @@ def configured_key(config: LabConfig) -> bytes | None:
     return None if file is None else read_key(file)
 
 
+def key_text(config: LabConfig) -> str:
+    """Return in words who may speak on the bus.
+
+    Raises
+    ------
+    ConfigError
+        As :func:`read_key`.
+    """
+    key = configured_key(config)
+    if key is None:
+        return OPEN_BUS
+    return f"key {fingerprint(key)}: only who has it can drive a robot, everybody can stop it"
+
+
 def key_path(config: LabConfig) -> Path | None:
     """Return the file that a configuration names; ``~`` is the user's home."""
     return None if config.bus.key_file is None else Path(config.bus.key_file).expanduser()

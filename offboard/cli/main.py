@@ -42,6 +42,8 @@ COMMANDS = {
     "estop": "offboard.commands.estop:estop",
     "fault": "offboard.commands.fault:fault",
     "doctor": "offboard.commands.doctor:doctor",
+    "key": "offboard.commands.key:app",
+    "relay": "offboard.commands.relay:relay",
     "run": "offboard.cli.run:app",
     "log": "offboard.commands.log:app",
     "dataset": "offboard.commands.data.dataset_commands:app",

@@ -1,0 +1,121 @@
+"""A node's side of the LCM bus in real time: signs what it sends, lets in what it may hear."""
+
+from __future__ import annotations
+
+import heapq
+import os
+import time
+from itertools import count
+
+import lcm
+
+from koopman_lab.bus.admission import Admission
+from koopman_lab.bus.authentication import Signer
+from koopman_lab.bus.channel import Channel, M
+from koopman_lab.bus.multicast import drain, subscribe
+from koopman_lab.bus.port import BasePort
+from koopman_lab.bus.subscription import Deliver, Subscription
+from koopman_lab.config.schema import LabConfig
+
+
+class Clock:
+    """Microseconds since the Unix epoch that never step: a monotonic clock, offset once."""
+
+    def __init__(self) -> None:
+        self._offset_us = (time.time_ns() - time.monotonic_ns()) // 1000
+
+    def now_us(self) -> int:
+        """Return the present time in us."""
+        return time.monotonic_ns() // 1000 + self._offset_us
+
+
+class RealtimePort(BasePort):
+    """A node's side of the LCM bus.
+
+    Parameters
+    ----------
+    node_name, config
+        Whose it is.
+    bus
+        Opened.
+    key
+        Of the lab: what is sent on protected channels carries its tag, what is heard there must.
+        None where there is no key.
+    """
+
+    virtual = False
+
+    def __init__(self, node_name: str, config: LabConfig, bus: lcm.LCM, key: bytes | None) -> None:
+        super().__init__(node_name, config, os.getpid())
+        self._key = key
+        self._signer = None if key is None else Signer(key)
+        self._signed: set[str] = set()
+        """The channels on the bus whose messages are signed."""
+        self._bus_clock = Clock()
+        self._pending: list[tuple[int, int, Deliver, bytes]] = []
+        self._sequence = count()
+        self.bus = bus
+
+    def bus_us(self) -> int:
+        """Return the present time in us since the Unix epoch."""
+        return self._bus_clock.now_us()
+
+    def send(self, name: str, data: bytes) -> None:
+        """Publish the bytes on LCM, signed where the channel is protected."""
+        if name in self._signed:
+            assert self._signer is not None
+            data = self._signer.sign(name, data)
+        self.bus.publish(name, data)
+
+    def _open(self, channel: Channel[M]) -> tuple[str, count[int]]:
+        publication = super()._open(channel)
+        if self._signer is not None and channel.protection != "never":
+            self._signed.add(publication[0])
+        return publication
+
+    def subscription(self, channel: Channel[M]) -> Subscription:
+        """Return what messages of a channel go through; a protected one lets in who has the key."""
+        subscription = super().subscription(channel)
+        is_protected = self._key is not None and channel.protection != "never"
+        if is_protected and subscription.admission is None:
+            assert self._key is not None
+            name = channel.name(self.robot_name)
+            subscription.admission = Admission(self._key, channel, name)
+        return subscription
+
+    def deliver_at(self, at_us: int, deliver: Deliver, data: bytes) -> None:
+        """Hand over a message when the loop next finds it due."""
+        heapq.heappush(self._pending, (at_us, next(self._sequence), deliver, data))
+
+    def next_us(self) -> int | None:
+        """Return when something is next due; None if nothing ever is."""
+        due = [timer.deadline_us for timer in self.timers]
+        if self._pending:
+            due.append(self._pending[0][0])
+        return min(due, default=None)
+
+    def run_pending(self) -> None:
+        """Hand over the messages that are due, oldest first."""
+        while self._pending and self._pending[0][0] <= (now_us := self.bus_us()):
+            _, _, deliver, data = heapq.heappop(self._pending)
+            deliver(data, now_us)
+
+    def listen(self) -> None:
+        """Subscribe at LCM to every channel that has a handler; call once, after attaching."""
+        for name in self.subscriptions:
+            self.listen_to(name)
+
+    def listen_to(self, name: str) -> None:
+        """Subscribe at LCM to a channel that has a handler."""
+        subscription = self.subscriptions[name]
+        deliver, admission = subscription.arrive, subscription.admission
+
+        def take(_: str, data: bytes) -> None:
+            if admission is None or admission.admits(data):
+                deliver(data, self.bus_us())
+
+        subscribe(self.bus, name, take)
+
+    def drain(self) -> None:
+        """Handle everything that has arrived."""
+        drain(self.bus)
