@@ -61,6 +61,8 @@ def _order_one(listener: Listener, lab: LabConfig, *, release: bool) -> None:
         err.print("released" if release else "stopped; `klab estop --release` releases it")
         return
     answer = "does not confirm" if newest else "is silent"
+    if listener.without_key(ONBOARD_STATUS):
+        answer += ", and what was said without the lab's key is not believed"
     raise LabStateError(
         f"{ONBOARD_STATUS.name(lab.robot.name)} {answer}: the message was sent {TRIES} times on "
         f"{lab.bus.url}; cut the power if the robot moves"
