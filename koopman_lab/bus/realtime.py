@@ -21,6 +21,7 @@ from koopman_lab.bus.port import Wrap
 from koopman_lab.bus.processes import PRIORITY, priority_of
 from koopman_lab.bus.realtime_port import RealtimePort
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import ConfigError
 from koopman_lab.units import US_PER_S
 
 LONGEST_WAIT_S = 0.5
@@ -169,17 +170,30 @@ def _loop(
 class Listener:
     """A person's process on the bus: listens and now and then speaks, but keeps no rate.
 
+    Parameters
+    ----------
+    config
+        Names bus, robot and key.
+    on_bad_key
+        Told what is wrong with a key that cannot be used, which is then left out, as who stops a
+        robot needs none.
+
     Raises
     ------
     BusError
         If the bus cannot be opened.
     ConfigError
-        If the key that the configuration names cannot be used.
+        If the key that the configuration names cannot be used, and nobody is told.
     """
 
-    def __init__(self, config: LabConfig) -> None:
-        self._config = config
-        self._key = configured_key(config)
+    def __init__(self, config: LabConfig, on_bad_key: Callable[[str], None] | None = None) -> None:
+        self._config, self._key = config, None
+        try:
+            self._key = configured_key(config)
+        except ConfigError as error:
+            if on_bad_key is None:
+                raise
+            on_bad_key(f"{error}; what is said without it may be anybody's")
         self._bus = open_lcm(config)
         self._port = RealtimePort("", config, self._bus, self._key)
 

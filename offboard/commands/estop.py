@@ -40,7 +40,7 @@ def estop(
     """
     options.refuse_one_and_all(robot_name, all_robots=all_robots)
     lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
-    listener = options.listen(lab)
+    listener = options.listen(lab, None if release else err.print)
     if all_robots:
         _order_all(listener, lab, release=release)
     else:

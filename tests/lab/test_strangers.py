@@ -11,15 +11,17 @@ import sys
 
 import lcm
 import pytest
-from klab import alive, klab, start_klab
-from real_bus import tool
+from klab import SHORT_RUNS, alive, klab, start_klab
+from real_bus import recorded, tool
 
 import lcmtypes
 from koopman_lab.bus import channels
+from koopman_lab.bus.authentication import Verdict, Verifier
 from koopman_lab.bus.commanders import commander_number
-from koopman_lab.bus.lab_key import write_new_key
+from koopman_lab.bus.lab_key import read_key, write_new_key
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
+from koopman_lab.data.decode import SessionLog
 from koopman_lab.units import US_PER_S
 
 STATUS = lcmtypes.onboard_status_t
@@ -277,6 +279,22 @@ while not select.select([sys.stdin], (), (), 0.05)[0]:
 """
 
 
+def test_a_stop_needs_no_key_that_can_be_used(bus_url, lab_key):
+    """Whoever stops a robot is not to mend a file first; he is told that it is broken."""
+    lab = Lab(bus_url, ("--set", f"bus.key_file={lab_key}"))
+    try:
+        lab.start_robot()
+        lab_key.chmod(0o644)
+        done = lab.klab("estop")
+        assert done.returncode == 0
+        assert "chmod 600" in done.stderr.replace("\n", " ")
+        assert "stopped" in done.stderr
+        lab.wait(lambda: lab.status.state == STATUS.ESTOP)
+        assert lab.klab("estop", "--release").returncode == 2
+    finally:
+        lab.close()
+
+
 def test_what_a_stranger_says_is_named(lab):
     lab.start_robot()
     speaking = subprocess.Popen(
@@ -329,3 +347,23 @@ def test_a_log_of_signed_messages_sent_again_moves_nobody(bus_url, lab_key, tmp_
         logger.kill()
         logger.wait()
         lab.close()
+
+
+def test_a_whole_session_with_a_key_is_recorded_and_read_as_any(lab_key, tmp_path):
+    """Cameras, counters, commands and status carry the tag; what is learned from them does not."""
+    out, key = tmp_path / "calibration", ("--set", f"bus.key_file={lab_key}")
+    done = klab("calibrate", "--segments", "2", *SHORT_RUNS, *key, "--out", out)
+    assert done.returncode == 0, done.stderr
+    messages = recorded(out / "session.lcm")
+    for channel in channels.all_channels():
+        for data in messages.get(channel.name("R1"), ())[:1]:
+            tagged = Verifier(read_key(lab_key), channel.name("R1")).judge(data)
+            is_protected = channel.protection != "never"
+            assert tagged is (Verdict.VALID if is_protected else Verdict.UNSIGNED), channel
+    log = SessionLog(out)
+    assert log.channels["R1_MOCAP_POSE"].unreadable == 0
+    assert log.channels["R1_VELOCITY_CMD"].count > 20
+    done = klab("dataset", "make", out, "--out", tmp_path / "pairs.npz")
+    assert done.returncode == 0, done.stderr
+    done = klab("rerun", out, "--node", "sampler")
+    assert done.returncode == 0, done.stdout + done.stderr
