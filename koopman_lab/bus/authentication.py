@@ -19,7 +19,6 @@ import struct
 from collections import OrderedDict
 from enum import Enum
 
-KEY_BYTES = 32
 SENDER_BYTES = 8
 MAGIC = b"KLK1"
 TAG_BYTES = 16
@@ -49,7 +48,7 @@ class Signer:
     Parameters
     ----------
     key
-        Of the lab, :data:`KEY_BYTES` long.
+        Of the lab.
     sender
         Number of the sender; drawn at random where none is given. Nobody may use one twice.
     """
@@ -74,7 +73,7 @@ class Verifier:
     Parameters
     ----------
     key
-        Of the lab, :data:`KEY_BYTES` long.
+        Of the lab.
     name
         Of the channel on the bus.
     """

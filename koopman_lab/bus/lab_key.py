@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import hashlib
 import os
 import stat
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from koopman_lab.bus.authentication import KEY_BYTES
 from koopman_lab.errors import ConfigError
 
 if TYPE_CHECKING:
     from koopman_lab.config.schema import LabConfig
 
+KEY_BYTES = 32
 MODE = 0o600
 OPEN_BUS = (
     "no key: whoever can reach this bus can drive the robot; `klab key new` makes one, and "
@@ -107,6 +105,9 @@ def write_new_key(file: Path) -> bytes:
     ConfigError
         If there is such a file already, or it cannot be written.
     """
+    # Here, as in `fingerprint`: who stops a robot reads the key, and is not to wait for the rest.
+    import tempfile
+
     key = os.urandom(KEY_BYTES)
     try:
         handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
@@ -134,4 +135,6 @@ def write_new_key(file: Path) -> bytes:
 
 def fingerprint(key: bytes) -> str:
     """Return by what people compare keys on two machines; it tells nothing of the key."""
+    import hashlib
+
     return hashlib.sha256(b"koopman-lab key\0" + key).hexdigest()[:16]

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import Any, NamedTuple
 
-from koopman_lab.bus.admission import Admissions
 from koopman_lab.bus.channel import Channel, M
 from koopman_lab.bus.lab_key import configured_key
 from koopman_lab.bus.multicast import drain, open_lcm
@@ -211,7 +210,11 @@ class Listener:
         Where the lab has a key, ``refused`` is called instead with those on protected channels that
         lack its tag, or were sent before.
         """
-        port, admissions = self._port, None if self._key is None else Admissions(self._key)
+        port, admissions = self._port, None
+        if self._key is not None:
+            from koopman_lab.bus.admission import Admissions
+
+            admissions = Admissions(self._key)
 
         def take(name: str, data: bytes) -> None:
             if admissions is None or admissions.admits(name, data):

@@ -6,16 +6,18 @@ import heapq
 import os
 import time
 from itertools import count
+from typing import TYPE_CHECKING
 
 import lcm
 
-from koopman_lab.bus.admission import Admission
-from koopman_lab.bus.authentication import Signer
 from koopman_lab.bus.channel import Channel, M
 from koopman_lab.bus.multicast import drain, subscribe
 from koopman_lab.bus.port import BasePort
 from koopman_lab.bus.subscription import Deliver, Subscription
-from koopman_lab.config.schema import LabConfig
+
+if TYPE_CHECKING:
+    from koopman_lab.bus.authentication import Signer
+    from koopman_lab.config.schema import LabConfig
 
 
 class Clock:
@@ -48,7 +50,7 @@ class RealtimePort(BasePort):
     def __init__(self, node_name: str, config: LabConfig, bus: lcm.LCM, key: bytes | None) -> None:
         super().__init__(node_name, config, os.getpid())
         self._key = key
-        self._signer = None if key is None else Signer(key)
+        self._signer = None if key is None else _signer(key)
         self._signed: set[str] = set()
         """The channels on the bus whose messages are signed."""
         self._bus_clock = Clock()
@@ -78,6 +80,8 @@ class RealtimePort(BasePort):
         subscription = super().subscription(channel)
         is_protected = self._key is not None and channel.protection != "never"
         if is_protected and subscription.admission is None:
+            from koopman_lab.bus.admission import Admission
+
             assert self._key is not None
             name = channel.name(self.robot_name)
             subscription.admission = Admission(self._key, channel, name)
@@ -119,3 +123,10 @@ class RealtimePort(BasePort):
     def drain(self) -> None:
         """Handle everything that has arrived."""
         drain(self.bus)
+
+
+def _signer(key: bytes) -> Signer:
+    # Here, as most labs have no key, and who stops a robot is not to wait for it.
+    from koopman_lab.bus.authentication import Signer
+
+    return Signer(key)

@@ -92,7 +92,8 @@ def _table(costs: dict[str, dict[str, Cost]]) -> Any:
 
 
 def _costs(channel: Channel[Any], count: int) -> dict[str, Cost]:
-    from koopman_lab.bus.authentication import KEY_BYTES, Signer, Verifier
+    from koopman_lab.bus.authentication import Signer, Verifier
+    from koopman_lab.bus.lab_key import KEY_BYTES
     from koopman_lab.bus.subscription import Subscription
 
     key, name = bytes(KEY_BYTES), channel.name("R1")

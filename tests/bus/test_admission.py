@@ -5,7 +5,8 @@ import pytest
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.admission import MOST_NAMES, Admission, Admissions
-from koopman_lab.bus.authentication import KEY_BYTES, Signer
+from koopman_lab.bus.authentication import Signer
+from koopman_lab.bus.lab_key import KEY_BYTES
 from koopman_lab.eventlog.older_layouts import OLDER_LAYOUTS
 
 KEY, OTHER_KEY = b"k" * KEY_BYTES, b"o" * KEY_BYTES

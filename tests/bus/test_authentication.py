@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from koopman_lab.bus.authentication import (
-    KEY_BYTES,
     MAGIC,
     MOST_SENDERS,
     TRAILER_BYTES,
@@ -19,6 +18,7 @@ from koopman_lab.bus.authentication import (
     Verdict,
     Verifier,
 )
+from koopman_lab.bus.lab_key import KEY_BYTES
 
 KEY = bytes(range(KEY_BYTES))
 names = st.text(st.characters(codec="utf-8"), min_size=1, max_size=40)

@@ -5,8 +5,13 @@ import stat
 
 import pytest
 
-from koopman_lab.bus.authentication import KEY_BYTES
-from koopman_lab.bus.lab_key import configured_key, fingerprint, read_key, write_new_key
+from koopman_lab.bus.lab_key import (
+    KEY_BYTES,
+    configured_key,
+    fingerprint,
+    read_key,
+    write_new_key,
+)
 from koopman_lab.config.load import load_config
 from koopman_lab.errors import ConfigError
 

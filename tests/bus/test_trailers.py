@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from random_messages import messages
 
 import lcmtypes
-from koopman_lab.bus.authentication import KEY_BYTES, Signer
+from koopman_lab.bus.authentication import Signer
 from koopman_lab.bus.channels import CHANNELS
 from koopman_lab.bus.header import header_reader, restamp
+from koopman_lab.bus.lab_key import KEY_BYTES
 from koopman_lab.data.message_arrays import decode_all, wire_dtype
 from koopman_lab.eventlog.message_blocks import Messages
 from koopman_lab.eventlog.older_layouts import OLDER_LAYOUTS, in_present_layout

@@ -8,7 +8,7 @@ import pytest
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.admission import Admission
-from koopman_lab.bus.authentication import KEY_BYTES
+from koopman_lab.bus.lab_key import KEY_BYTES
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import Pose
