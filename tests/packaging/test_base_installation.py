@@ -180,7 +180,7 @@ def test_every_other_command_is_tried_here():
     tried = {words for words, _ in (*ALONE, *BESIDE)} | {f"run {name}" for name in NODES}
     tried |= {f"bench {name}" for name in BENCHES} | {"run pacer", "run plant", "run onboard"}
     tried |= {f"run {name}" for name in HARDWARE}
-    # What relays needs no more than who replays; tests/bus/test_relay.py runs it.
+    # What relays needs no more than who replays; tests/commands/test_relay.py runs it.
     tried |= {"up", "down", "replay", "goal", "relay"}
     always = {n for n, c in COMMANDS.items() if any(not x.option for x in needs_of(c.callback))}
     assert tried.isdisjoint(always)

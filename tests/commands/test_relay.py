@@ -8,8 +8,8 @@ from klab import klab, start_klab
 
 import lcmtypes
 from koopman_lab.bus.channels import GOAL
-from koopman_lab.bus.relay import require_apart
 from koopman_lab.errors import BusError
+from offboard.commands.relay import require_apart
 
 LAB = "udpm://239.255.76.67:7667?ttl=0"
 MOST_TRIES = 600
