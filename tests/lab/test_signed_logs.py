@@ -72,5 +72,3 @@ def test_a_whole_session_with_a_key_is_recorded_and_read_as_any(lab_key, tmp_pat
     assert log.channels["R1_VELOCITY_CMD"].count > 20
     done = klab("dataset", "make", out, "--out", tmp_path / "pairs.npz")
     assert done.returncode == 0, done.stderr
-    done = klab("rerun", out, "--node", "sampler")
-    assert done.returncode == 0, done.stdout + done.stderr
