@@ -5,6 +5,7 @@ The channels that there are stand in `koopman_lab.bus.channels`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
 
@@ -35,6 +36,11 @@ M = TypeVar("M", bound=Message)
 Rate = Literal[
     "mocap", "motor", "wheel_state", "status", "control", "heartbeat", "info", "ping", "event"
 ]
+
+
+Protection = Literal["never", "when signed", "always"]
+"""Whose messages count where the lab has a key: everybody's; everybody's until a holder of the key
+speaks, then only those with its tag; only those with its tag."""
 
 
 COMMANDER = "commander"
@@ -77,6 +83,10 @@ class Channel(Generic[M]):
         Whether it never crosses the radio: the board's hardware and its faults need none.
     replayed
         What becomes of messages of a log that is sent again, where somebody acts on the channel.
+    protection
+        Whose messages count where the lab has a key.
+    open_to_all
+        Returns of an encoded message of a protected channel whether anybody may send it.
     """
 
     suffix: str
@@ -86,6 +96,8 @@ class Channel(Generic[M]):
     logged: bool = True
     wired: bool = False
     replayed: Replayed = "passes"
+    protection: Protection = "never"
+    open_to_all: Callable[[bytes], bool] | None = None
 
     def name(self, robot_name: str) -> str:
         """Return the channel name on the bus, for example ``R1_MOCAP_POSE``."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import struct
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -22,34 +23,93 @@ if TYPE_CHECKING:
 
 
 def _command_channel_of(command: CommandMessage) -> Channel[Any]:
-    return Channel(command.suffix, command.type, "control", COMMANDER)
+    return Channel(command.suffix, command.type, "control", COMMANDER, protection="always")
 
 
-MOCAP_POSE = Channel("MOCAP_POSE", lcmtypes.mocap_pose_t, "mocap", "plant")
-ENCODER = Channel("ENCODER", lcmtypes.encoder_t, "motor", "plant", wired=True, replayed="stream")
-MOTOR_CMD = Channel(
-    "MOTOR_CMD", lcmtypes.motor_command_t, "motor", "onboard", wired=True, replayed="stream"
+def _engages_a_stop(data: bytes) -> bool:
+    """Return whether a message of ESTOP stops a robot; that also a switch without the key may."""
+    # Only where there is a key, and then rarely.
+    from koopman_lab.eventlog.older_layouts import in_present_layout
+
+    try:
+        return lcmtypes.estop_t.decode(in_present_layout(data)).engaged
+    except (ValueError, struct.error):
+        return False
+
+
+# Protected where the lab has a key is what moves a robot, lets it go, or permits either. Of cameras
+# and encoders only what was signed once: firmware and bridges of others cannot.
+MOCAP_POSE = Channel(
+    "MOCAP_POSE", lcmtypes.mocap_pose_t, "mocap", "plant", protection="when signed"
 )
-WHEEL_STATE = Channel("WHEEL_STATE", lcmtypes.wheel_state_t, "wheel_state", "onboard")
-ONBOARD_STATUS = Channel("ONBOARD_STATUS", lcmtypes.onboard_status_t, "status", "onboard")
+ENCODER = Channel(
+    "ENCODER",
+    lcmtypes.encoder_t,
+    "motor",
+    "plant",
+    wired=True,
+    replayed="stream",
+    protection="when signed",
+)
+MOTOR_CMD = Channel(
+    "MOTOR_CMD",
+    lcmtypes.motor_command_t,
+    "motor",
+    "onboard",
+    wired=True,
+    replayed="stream",
+    protection="always",
+)
+WHEEL_STATE = Channel(
+    "WHEEL_STATE", lcmtypes.wheel_state_t, "wheel_state", "onboard", protection="always"
+)
+ONBOARD_STATUS = Channel(
+    "ONBOARD_STATUS", lcmtypes.onboard_status_t, "status", "onboard", protection="always"
+)
 VELOCITY_CMD = _command_channel_of(KINEMATIC.commanded())
 ACCELERATION_CMD = _command_channel_of(DYNAMIC.commanded())
-ESTOP = Channel("ESTOP", lcmtypes.estop_t, "event", "operator")
-PLANT_RESET = Channel("PLANT_RESET", lcmtypes.plant_reset_t, "event", "operator", replayed="order")
-GOAL = Channel("GOAL", lcmtypes.goal_t, "event", "operator")
-FAULT = Channel("FAULT", lcmtypes.fault_t, "event", "operator", wired=True, replayed="order")
+ESTOP = Channel(
+    "ESTOP",
+    lcmtypes.estop_t,
+    "event",
+    "operator",
+    protection="always",
+    open_to_all=_engages_a_stop,
+)
+PLANT_RESET = Channel(
+    "PLANT_RESET",
+    lcmtypes.plant_reset_t,
+    "event",
+    "operator",
+    replayed="order",
+    protection="always",
+)
+GOAL = Channel("GOAL", lcmtypes.goal_t, "event", "operator", protection="always")
+FAULT = Channel(
+    "FAULT",
+    lcmtypes.fault_t,
+    "event",
+    "operator",
+    wired=True,
+    replayed="order",
+    protection="always",
+)
 PLANT_TRUTH = Channel("PLANT_TRUTH", lcmtypes.plant_truth_t, "motor", "plant")
 SAMPLER_STATE = Channel("SAMPLER_STATE", lcmtypes.sampler_state_t, "control", "sampler")
 REFERENCE_STATE = Channel("REFERENCE_STATE", lcmtypes.reference_state_t, "control", "reference")
 MPC_STATE = Channel("MPC_STATE", lcmtypes.mpc_state_t, "control", "controller")
 INTERLOCK = Channel("INTERLOCK", lcmtypes.interlock_t, "event", COMMANDER)
-LOGGER_STATUS = Channel("LOGGER_STATUS", lcmtypes.logger_status_t, "heartbeat", "logger")
+LOGGER_STATUS = Channel(
+    "LOGGER_STATUS", lcmtypes.logger_status_t, "heartbeat", "logger", protection="always"
+)
 TIME_PING = Channel("TIME_PING", lcmtypes.time_ping_t, "ping", "onboard")
-TIME_PONG = Channel("TIME_PONG", lcmtypes.time_pong_t, "ping", "commander")
+TIME_PONG = Channel("TIME_PONG", lcmtypes.time_pong_t, "ping", "commander", protection="always")
 TIME_SYNC = Channel("TIME_SYNC", lcmtypes.time_sync_t, "ping", "onboard")
 SESSION_INFO = Channel("SESSION_INFO", lcmtypes.session_info_t, "info", "commander")
 # Not logged: several commands may speak on it, so that its numbers tell of no loss.
-PROCESS = Channel("PROCESS", lcmtypes.process_t, "event", "supervisor", logged=False)
+PROCESS = Channel(
+    "PROCESS", lcmtypes.process_t, "event", "supervisor", logged=False, protection="always"
+)
 
 
 class _Heartbeats(Mapping[str, Channel[lcmtypes.node_status_t]]):

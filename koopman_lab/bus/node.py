@@ -57,6 +57,9 @@ class Port(Protocol):
         microseconds: for a tick, not for every message.
         """
 
+    def without_key(self, channel: Channel[M]) -> int:
+        """Return how many messages of a channel were dropped because they lack the lab's key."""
+
     def finish(self) -> None:
         """Tell the runner that this node's work is done."""
 

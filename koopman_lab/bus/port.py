@@ -177,8 +177,11 @@ class BasePort(ABC):
 
     @property
     def undecodable(self) -> int:
-        """Return how many messages could not be decoded."""
-        return sum(subscription.undecodable for subscription in self.subscriptions.values())
+        """Return how many messages could not be decoded, or lack the lab's key."""
+        subscriptions = self.subscriptions.values()
+        admissions = [s.admission for s in subscriptions if s.admission is not None]
+        strange = sum(subscription.undecodable for subscription in subscriptions)
+        return strange + sum(admission.without_key for admission in admissions)
 
     def lost_messages(self) -> dict[str, int]:
         """Return, by channel name, how many messages the sequence numbers show missing."""
@@ -195,6 +198,12 @@ class BasePort(ABC):
         if subscription is None:
             return StreamIdentity()
         return subscription.publishers.identity(self.bus_us())
+
+    def without_key(self, channel: Channel[M]) -> int:
+        """Return how many messages of a channel were dropped because they lack the lab's key."""
+        subscription = self.subscriptions.get(channel.name(self.robot_name))
+        admission = None if subscription is None else subscription.admission
+        return 0 if admission is None else admission.without_key
 
     def ticks(self) -> tuple[int, int]:
         """Return ``(run, missed)`` over all timers."""

@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import gc
-import heapq
 import os
 import select
 import signal
-import time
 from collections.abc import Callable, Iterator
-from itertools import count
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from koopman_lab.bus.channel import Channel, M
-from koopman_lab.bus.filtered_bus import FilteredBus
+from koopman_lab.bus.lab_key import configured_key
 from koopman_lab.bus.multicast import drain, open_lcm
 from koopman_lab.bus.node import Node, RawHandler
-from koopman_lab.bus.port import BasePort, Wrap
+from koopman_lab.bus.port import Wrap
 from koopman_lab.bus.priority import ask_for_priority
 from koopman_lab.bus.processes import priority_of
-from koopman_lab.bus.subscription import Deliver
+from koopman_lab.bus.realtime_port import RealtimePort
+from koopman_lab.errors import ConfigError
 from koopman_lab.units import US_PER_S
 
 if TYPE_CHECKING:
@@ -30,91 +28,6 @@ if TYPE_CHECKING:
 
 LONGEST_WAIT_S = 0.5
 """A node without timers still looks up this often."""
-
-
-def boot_ns() -> int:
-    """Return the time since the computer was started (ns), also that in which it slept.
-
-    CLOCK_MONOTONIC leaves sleep out on Linux: a program would go on after a night as if nothing had
-    been, and its stamps would be those of the evening.
-    """
-    return time.clock_gettime_ns(_BOOT_CLOCK)
-
-
-_BOOT_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
-"""Of Linux; other systems count sleep in the monotonic clock."""
-
-
-class Clock:
-    """Microseconds since the Unix epoch that never step: a clock since boot, offset once.
-
-    Parameters
-    ----------
-    since_boot_ns
-        Returns the time since some moment (ns); never steps.
-    """
-
-    def __init__(self, since_boot_ns: Callable[[], int] = boot_ns) -> None:
-        self._since_boot_ns = since_boot_ns
-        self._offset_us = (time.time_ns() - since_boot_ns()) // 1000
-
-    def now_us(self) -> int:
-        """Return the present time in us."""
-        return self._since_boot_ns() // 1000 + self._offset_us
-
-
-class RealtimePort(BasePort):
-    """A node's side of the LCM bus."""
-
-    virtual = False
-
-    def __init__(self, node_name: str, config: LabConfig, bus: FilteredBus) -> None:
-        super().__init__(node_name, config, os.getpid())
-        self._bus_clock = Clock()
-        self._pending: list[tuple[int, int, Deliver, bytes]] = []
-        self._sequence = count()
-        self.bus = bus
-
-    def bus_us(self) -> int:
-        """Return the present time in us since the Unix epoch."""
-        return self._bus_clock.now_us()
-
-    def send(self, name: str, data: bytes) -> None:
-        """Publish the bytes on LCM."""
-        self.bus.publish(name, data)
-
-    def deliver_at(self, at_us: int, deliver: Deliver, data: bytes) -> None:
-        """Hand over a message when the loop next finds it due."""
-        heapq.heappush(self._pending, (at_us, next(self._sequence), deliver, data))
-
-    def next_us(self) -> int | None:
-        """Return when something is next due; None if nothing ever is."""
-        due = [timer.deadline_us for timer in self.timers]
-        if self._pending:
-            due.append(self._pending[0][0])
-        return min(due, default=None)
-
-    def run_pending(self) -> None:
-        """Hand over the messages that are due, oldest first."""
-        while self._pending and self._pending[0][0] <= (now_us := self.bus_us()):
-            _, _, deliver, data = heapq.heappop(self._pending)
-            deliver(data, now_us)
-
-    def listen(self) -> None:
-        """Subscribe at LCM to every channel that has a handler; call once, after attaching."""
-        self.listen_to(*self.subscriptions)
-
-    def listen_to(self, *names: str) -> None:
-        """Subscribe at LCM to channels that have a handler."""
-        self.bus.subscribe_exactly({name: self._arrival(name) for name in names})
-
-    def _arrival(self, name: str) -> Callable[[str, bytes], None]:
-        deliver = self.subscriptions[name].arrive
-        return lambda _, data: deliver(data, self.bus_us())
-
-    def drain(self) -> None:
-        """Handle what has arrived; of very much, a part."""
-        drain(self.bus)
 
 
 class StopSignals:
@@ -189,10 +102,13 @@ def run_node(
     ------
     BusError
         If the bus cannot be opened.
+    ConfigError
+        If the key that the configuration names cannot be used.
     """
     # First of all: the thread in which LCM receives inherits it, and would be starved without.
     ask_for_priority(priority_of(node.name))
-    port = RealtimePort(node.name, config, open_lcm(config))
+    key = configured_key(config)
+    port = RealtimePort(node.name, config, open_lcm(config), key)
     stop = StopSignals()
     with stop.installed():
         try:
@@ -250,16 +166,32 @@ def _loop(
 class Listener:
     """A person's process on the bus: listens and now and then speaks, but keeps no rate.
 
+    Parameters
+    ----------
+    config
+        Names bus, robot and key.
+    on_bad_key
+        Told what is wrong with a key that cannot be used, which is then left out, as who stops a
+        robot needs none.
+
     Raises
     ------
     BusError
         If the bus cannot be opened.
+    ConfigError
+        If the key that the configuration names cannot be used, and nobody is told.
     """
 
-    def __init__(self, config: LabConfig) -> None:
-        self._config = config
+    def __init__(self, config: LabConfig, on_bad_key: Callable[[str], None] | None = None) -> None:
+        self._config, self._key = config, None
+        try:
+            self._key = configured_key(config)
+        except ConfigError as error:
+            if on_bad_key is None:
+                raise
+            on_bad_key(f"{error}; what is said without it may be anybody's")
         self._bus = open_lcm(config)
-        self._port = RealtimePort("", config, self._bus)
+        self._port = RealtimePort("", config, self._bus, self._key)
 
     def subscribe(self, channel: Channel[M], handler: Callable[[M], None]) -> None:
         """Call ``handler`` with every message of a channel."""
@@ -269,10 +201,29 @@ class Listener:
         if not known:
             self._port.listen_to(name)
 
-    def overhear(self, handler: RawHandler) -> None:
-        """Call ``handler`` with every message on the bus, of all robots and other programs."""
-        port = self._port
-        self._bus.subscribe_to_all(lambda name, data: handler(name, data, port.bus_us()))
+    def overhear(self, handler: RawHandler, refused: RawHandler | None = None) -> None:
+        """Call ``handler`` with every message on the bus, of all robots and other programs.
+
+        Where the lab has a key, ``refused`` is called instead with those on protected channels that
+        lack its tag, or were sent before.
+        """
+        port, admissions = self._port, None
+        if self._key is not None:
+            from koopman_lab.bus.admission import Admissions
+
+            admissions = Admissions(self._key)
+
+        def take(name: str, data: bytes) -> None:
+            if admissions is None or admissions.admits(name, data):
+                handler(name, data, port.bus_us())
+            elif refused is not None:
+                refused(name, data, port.bus_us())
+
+        self._bus.subscribe_to_all(take)
+
+    def without_key(self, channel: Channel[M]) -> int:
+        """Return how many messages of a channel were dropped because they lack the lab's key."""
+        return self._port.without_key(channel)
 
     def filter_fault(self) -> str:
         """Begin to listen; return why no filter keeps hostile datagrams off, empty if one does."""
@@ -285,7 +236,7 @@ class Listener:
 
     def speaking_to(self, robot_name: str) -> RealtimePort:
         """Return what publishes on the channels of another robot, on the same bus."""
-        port = RealtimePort("", self._config, self._bus)
+        port = RealtimePort("", self._config, self._bus, self._key)
         port.robot_name = robot_name
         return port
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from koopman_lab.bus.header import header_reader
 from koopman_lab.bus.node import RawHandler
 from koopman_lab.bus.publishers import Publishers
 from koopman_lab.bus.replay_guard import ReplayGuard
+
+if TYPE_CHECKING:
+    from koopman_lab.bus.admission import Admission
 
 Deliver = Callable[[bytes, int], None]
 """Called with the bytes of a message and the time in us."""
@@ -46,6 +49,8 @@ class Subscription:
         """What changes each message before it is handed to handlers."""
         self.arrive: Deliver = self.receive
         """What takes the channel's messages off the bus."""
+        self.admission: Admission | None = None
+        """What lets messages in before anything else has them, where the lab has a key."""
         self._name = name
         self._decode = message_type.decode
         self._read_header = header_reader(message_type)

@@ -69,6 +69,7 @@ class Bus(Section):
             "the bus would carry little else",
         ),
     ]
+    key_file: Annotated[str, Field(min_length=1)] | None
 
 
 class ClockSync(Section):

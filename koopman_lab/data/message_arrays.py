@@ -81,7 +81,7 @@ def decode_all(message_type: Any, messages: Messages) -> tuple[StructuredArray, 
     Returns
     -------
     The decoded messages (N,), one field each as the type names them, and the indices of those
-    that are none of this type by their size or fingerprint and were left out.
+    that are none of this type by their fingerprint, or are too short, and were left out.
 
     Raises
     ------
@@ -91,7 +91,8 @@ def decode_all(message_type: Any, messages: Messages) -> tuple[StructuredArray, 
     native = native_dtype(message_type)
     wire = wire_dtype(message_type)
     assert wire is not None  # by native_dtype
-    good = messages.sizes == wire.itemsize
+    # What follows a message, such as the tag of a key, no decoder reads.
+    good = messages.sizes >= wire.itemsize
     raw = messages.heads(good, wire)
     known = raw[_FINGERPRINT] == int.from_bytes(message_type._get_packed_fingerprint(), "big")
     good[good] = known

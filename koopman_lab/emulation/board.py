@@ -38,7 +38,7 @@ class EmulatedBoard:
     def __init__(self, port: BasePort, simulation: Simulation, seed: int) -> None:
         self.robot_name, self.process, self.virtual = port.robot_name, port.process, port.virtual
         self.lost_messages, self.finish = port.lost_messages, port.finish
-        self.publishers = port.publishers
+        self.publishers, self.without_key = port.publishers, port.without_key
         self._port = port
         self._faults = Faults(simulation.faults, port.bus_us())
         self._radio = radio_pair(simulation.radio, seed, port.robot_name)

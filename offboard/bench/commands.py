@@ -10,6 +10,7 @@ import typer
 
 from koopman_lab.robots.dynamic import DYNAMIC
 from koopman_lab.robots.kinematic import KINEMATIC
+from offboard.bench.authentication_cost import authentication
 from offboard.bench.dataset_time import dataset
 from offboard.bench.fit_cost import edmd
 from offboard.bench.flood import flood
@@ -26,6 +27,7 @@ from offboard.terminal.output import err, out, progress
 
 app = Commands(help="Measure this machine and the lab.", no_args_is_help=True)
 app.command()(lockstep)
+app.command()(authentication)
 app.command()(dataset)
 app.command()(parks)
 app.command()(edmd)

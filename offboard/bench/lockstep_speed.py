@@ -46,9 +46,9 @@ def lockstep(
     Example: klab bench lockstep --robot dynamic --seconds 60
     """
     lab_config = options.resolve(config, overrides, robot, preset)
-    lab, slalom = _lab(lab_config)
+    lab, slalom = slalom_lab(lab_config)
     factors = _factors(lab, seconds)
-    shares = _shares(_lab(lab_config)[0], min(seconds, 20.0))
+    shares = _shares(slalom_lab(lab_config)[0], min(seconds, 20.0))
     facts = {
         "robot": lab_config.robot.kind,
         "preset": preset.value,
@@ -78,7 +78,8 @@ def lockstep(
     out.print(table)
 
 
-def _lab(config: LabConfig) -> tuple[Lockstep, Slalom]:
+def slalom_lab(config: LabConfig) -> tuple[Lockstep, Slalom]:
+    """Return plant and motor loop in lockstep, and who drives the robot, past the start."""
     from koopman_lab.bus.lockstep import Lockstep
     from offboard.bench.slalom import Slalom
     from offboard.lab import nodes

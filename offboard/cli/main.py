@@ -43,6 +43,8 @@ COMMANDS = {
     "fault": "offboard.commands.fault:fault",
     "doctor": "offboard.commands.doctor:doctor",
     "config": "offboard.commands.config:app",
+    "key": "offboard.commands.key:app",
+    "relay": "offboard.commands.relay:relay",
     "run": "offboard.cli.run:app",
     "log": "offboard.commands.log:app",
     "dataset": "offboard.commands.data.dataset_commands:app",

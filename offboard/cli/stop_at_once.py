@@ -56,7 +56,9 @@ def stop_at_once(arguments: Sequence[str]) -> int | None:
 
     act = order_all if order.all_robots else order_one
     try:
-        act(Listener(lab), lab, release=order.release, say=say)
+        # A key that cannot be used keeps nobody from stopping a robot.
+        listener = Listener(lab, None if order.release else say)
+        act(listener, lab, release=order.release, say=say)
     except LabError as error:
         say(f"klab: {error}")
         return EXPECTED_MISTAKE
@@ -114,6 +116,8 @@ def addresses(order: Order) -> LabConfig | None:
     if not isinstance(robot, dict) or not isinstance(bus, dict):
         return None
     if not isinstance(robot.get("name"), str) or not isinstance(bus.get("url"), str):
+        return None
+    if not isinstance(bus.get("key_file"), (str, type(None))):
         return None
     lab = SimpleNamespace(robot=SimpleNamespace(**robot), bus=SimpleNamespace(**bus))
     return cast("LabConfig", lab)

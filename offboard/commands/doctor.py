@@ -19,7 +19,7 @@ import typer
 
 from koopman_lab.config.change import changed
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import BusError, PluginError
+from koopman_lab.errors import BusError, ConfigError, PluginError
 from koopman_lab.installation import install_command, missing
 from offboard.terminal import options
 from offboard.terminal.needs import commands, needs_of
@@ -56,7 +56,7 @@ def doctor(
     overrides: options.Overrides = None,
     url: options.Url = None,
 ) -> None:
-    """Look at Python, the installation, LCM, the bus, the compiler, the generated types, plug-ins.
+    """Look at Python, the installation, LCM, types, the bus and its key, the compiler, plug-ins.
 
     Example: klab doctor
     """
@@ -64,7 +64,7 @@ def doctor(
     checks: list[Callable[[LabConfig], Iterator[Finding]]] = [_bus, _filter, _receive_buffer]
     if not bus_only:
         extras = partial(_extras, context.find_root().command)
-        checks = [_python, extras, _packages, _types, *checks, _compiler, _plug_ins]
+        checks = [_python, extras, _packages, _types, *checks, _key, _compiler, _plug_ins]
     findings = [finding for check in checks for finding in check(lab)]
     bad = [f for f in findings if not f.good and f.needed]
     for finding in findings:
@@ -185,7 +185,8 @@ def _bus(lab: LabConfig) -> Iterator[Finding]:
     from koopman_lab.bus.multicast import route_remedy
     from koopman_lab.bus.realtime import Listener
 
-    probe = changed(lab, "robot", name="DOCTOR")
+    # Whether the key can be used is looked at apart.
+    probe = changed(changed(lab, "robot", name="DOCTOR"), "bus", key_file=None)
     try:
         speaker, listener = Listener(probe), Listener(probe)
     except BusError as error:
@@ -225,6 +226,21 @@ def _filter(lab: LabConfig) -> Iterator[Finding]:
             remedy="a datagram of 8 bytes from a stranger ends every process that listens; keep "
             "strangers off the bus (ttl=0, a firewall), or use Linux and a udpm:// URL",
         )
+
+
+def _key(lab: LabConfig) -> Iterator[Finding]:
+    """Say who may speak on the bus."""
+    from koopman_lab.bus.lab_key import OPEN_BUS, configured_key, fingerprint, key_path
+
+    try:
+        key = configured_key(lab)
+    except ConfigError as error:
+        yield Finding("lab's key", str(error), good=False, bad="BROKEN")
+        return
+    if key is None:
+        yield Finding("lab's key", "none", good=False, needed=False, remedy=OPEN_BUS)
+        return
+    yield Finding("lab's key", f"{fingerprint(key)}, of {key_path(lab)}", good=True)
 
 
 def _receive_buffer(lab: LabConfig) -> Iterator[Finding]:

@@ -44,7 +44,8 @@ def down(
     """
     from koopman_lab.errors import LabStateError
     from offboard.lab.child_process import PATIENCE_S
-    from offboard.lab.process_notes import alive, running_commands
+    from offboard.lab.own_processes import alive
+    from offboard.lab.process_notes import running_commands
     from offboard.monitor.process_states import SILENT_S
 
     options.refuse_one_and_all(robot_name, all_robots=all_robots)
@@ -62,7 +63,7 @@ def down(
                 by_name[name] = _RobotsCommands(name, {})
     robots = [by_name[name] for name in sorted(by_name)]
     for robot in robots:
-        robot.look(view, listener.now_us())
+        robot.look(view, listener.now_us(), lab.bus.url)
     everybody = {pid for robot in robots for pid in robot.supervisors}
     if not everybody:
         raise LabStateError(_nobody_text(lab, robots, all_robots=all_robots))
@@ -115,13 +116,13 @@ class _RobotsCommands:
         self.others = ""
         """Who goes on without them, in words, and who may stop it."""
 
-    def look(self, view: LabView, now_us: int) -> None:
+    def look(self, view: LabView, now_us: int, url: str) -> None:
         """Learn from what is heard on the bus who else runs processes of the robot."""
         from koopman_lab.bus.processes import process
 
         entries = _entries(view, self.name, now_us)
         for entry in entries:
-            if entry.state not in ("finished", "died") and _started_here(entry):
+            if entry.state not in ("finished", "died") and _started_here(entry, url, self.name):
                 assert entry.report is not None
                 self.supervisors.add(entry.report.supervisor_pid)
                 if process(entry.name).commands:
@@ -142,15 +143,21 @@ def _entries(view: LabView, name: str, now_us: int) -> list[ProcessState]:
     return [] if robot is None else robot.entries(now_us)
 
 
-def _started_here(entry: ProcessState) -> bool:
-    """Return whether a command of this machine, and still there, started a process."""
-    from offboard.lab.process_notes import is_klab
+def _started_here(entry: ProcessState, url: str, robot_name: str) -> bool:
+    """Return whether a command of this machine, and still there, started a process.
+
+    What is said on the bus anybody may have said: process numbers count only where the machine
+    itself says the same of them.
+    """
+    from offboard.lab.own_processes import is_started_by
+    from offboard.lab.process_notes import may_run
 
     report = entry.report
     return (
         report is not None
         and report.host == socket.gethostname()
-        and is_klab(report.supervisor_pid)
+        and is_started_by(entry.pid, entry.name, report.supervisor_pid)
+        and may_run(report.supervisor_pid, url, robot_name)
     )
 
 
@@ -191,7 +198,7 @@ def _report(robots: Sequence[_RobotsCommands], view: LabView, now_us: int) -> No
     """
     from koopman_lab.errors import LabStateError
     from offboard.lab.child_process import KILLED
-    from offboard.lab.process_notes import alive
+    from offboard.lab.own_processes import alive
 
     still_running, goes_on = [], False
     for robot in robots:

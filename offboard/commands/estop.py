@@ -35,6 +35,6 @@ def estop(
 
     options.refuse_one_and_all(robot_name, all_robots=all_robots)
     lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
-    listener = options.listen(lab)
+    listener = options.listen(lab, None if release else err.print)
     order = order_all if all_robots else order_one
     order(listener, lab, release=release, say=err.print)

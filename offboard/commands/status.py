@@ -52,6 +52,9 @@ def status(
         out.print_json(json.dumps(rows))
     else:
         _show(processes)
+    refused = view.refusals(now_us)
+    if refused:
+        err.print(one_line(refused))
     doubts = [line for name in sorted(live) for line in live[name].identity_lines(now_us)]
     for line in doubts:
         err.print(one_line(line))
@@ -66,7 +69,7 @@ def listen_to_all(lab: LabConfig) -> tuple[Listener, LabView]:
     from offboard.monitor.lab_view import LabView
 
     listener, view = options.listen(lab), LabView(lab)
-    listener.overhear(view.take)
+    listener.overhear(view.take, view.refuse)
     spin_for(listener, LISTEN_S)
     return listener, view
 

@@ -68,6 +68,8 @@ def order_one(
         say("released" if release else "stopped; `klab estop --release` releases it")
         return
     answer = _unconfirmed(newest[0] if newest else None)
+    if listener.without_key(ONBOARD_STATUS):
+        answer += ", and what was said without the lab's key is not believed"
     raise LabStateError(
         f"{ONBOARD_STATUS.name(lab.robot.name)} {answer}: the message was sent {TRIES} times on "
         f"{lab.bus.url}; {_NEXT_STEP[release]}"

@@ -49,7 +49,8 @@ def topics(
     """Show every channel on the bus: rate, nominal rate, jitter, loss, size, age; until Ctrl-C.
 
     Jitter is the standard deviation of the time between arrivals. Below the table stands which
-    streams of a robot have more than one publisher, or numbers that do not count.
+    streams of a robot have more than one publisher, or numbers that do not count, and where
+    messages lack the lab's key, if it has one.
 
     Example: klab topics --echo R1_MOCAP_POSE --once
     """
@@ -62,7 +63,7 @@ def topics(
             from offboard.monitor.streams import Streams
 
             streams = Streams()
-            listener.overhear(_handler_into(streams))
+            listener.overhear(_handler_into(streams), streams.refuse)
             if once or as_json or not out.is_terminal:
                 _print_once(listener, lab, streams, seconds, as_json=as_json)
             else:
@@ -93,24 +94,28 @@ def _print_once(
     if as_json:
         out.print_json(json.dumps([flow._asdict() for flow in flows]))
     else:
-        from offboard.monitor.streams import identity_lines
-
         out.print(_table(flows))
-        for line in identity_lines(flows):
-            err.print(one_line(line))
+        for line in _doubts(flows):
+            err.print(line)
 
 
 def _show_until_interrupted(listener: Listener, lab: LabConfig, streams: Streams) -> None:
     from rich.console import Group
     from rich.live import Live
 
-    from offboard.monitor.streams import identity_lines
-
     with Live(console=out, auto_refresh=False) as live:
         while True:
             spin_for(listener, REFRESH_S)
             flows = streams.flows(listener.now_us(), lab)
-            live.update(Group(_table(flows), *map(one_line, identity_lines(flows))), refresh=True)
+            live.update(Group(_table(flows), *_doubts(flows)), refresh=True)
+
+
+def _doubts(flows: list[Flow]) -> list[str]:
+    """Return a line for each doubt about who speaks."""
+    from offboard.monitor.streams import identity_lines, refusal_line
+
+    refused = refusal_line({flow.name: flow.refused for flow in flows if flow.refused})
+    return [one_line(line) for line in (*identity_lines(flows), refused) if line]
 
 
 def _table(flows: list[Flow]) -> Table:
@@ -121,7 +126,9 @@ def _table(flows: list[Flow]) -> Table:
     columns = ["channel", "rate (Hz)", "nominal", "jitter (ms)", "lost", "bytes", "age (s)"]
     doubted = any((flow.publishers or 1) > 1 or _misnumbered(flow) for flow in flows)
     strange = any(flow.undecodable for flow in flows)
-    for column in columns + ["publishers"] * doubted + ["undecodable"] * strange:
+    refused = any(flow.refused for flow in flows)
+    columns += ["publishers"] * doubted + ["undecodable"] * strange + ["refused"] * refused
+    for column in columns:
         table.add_column(column, justify="right")
     # Names are what a person copies; on a narrow terminal numbers give way.
     table.columns[0].justify = "left"
@@ -138,6 +145,7 @@ def _table(flows: list[Flow]) -> Table:
             "-" if flow.age_s is None else f"{flow.age_s:.1f}",
             *[_publishers_text(flow)] * doubted,
             *[str(flow.undecodable)] * strange,
+            *[str(flow.refused)] * refused,
         )
     return table
 

@@ -37,6 +37,8 @@ WATCHED: tuple[Channel[Any], ...] = (
     channels.ONBOARD_STATUS,
 )
 """What tells of the robot."""
+KEYLESS_US = 1_000_000
+"""So long after a message without the lab's key that is said."""
 LISTEN_US = 800_000
 """Eight messages of the slowest: in which a second speaker has had its turns."""
 LISTENING = Interlock("listening whether one program speaks for the robot", cause=Cause.STREAM)
@@ -95,6 +97,8 @@ class DriveInputs:
         self._others: Interlock | None = None
         self._looked_us = -LOOK_US
         self._listening_since_us: int | None = None
+        self._keyless: dict[str, tuple[int, int]] = {}
+        """By channel how many messages lacked the key, and when the newest did (us)."""
         self._said = ""
         self._said_us = 0
         mocap = channels.MOCAP_POSE.name(config.robot.name)
@@ -123,6 +127,8 @@ class DriveInputs:
             complaint = self._stream.complaint()
             if complaint is not None:
                 self.interlock = Interlock(complaint, cause=Cause.STREAM)
+        if self.interlock is not None and self.interlock.cause in (Cause.SILENCE, Cause.TRACKING):
+            self.interlock = self._with_keyless(self.interlock, now_us)
         if self._said or self.interlock is not None:
             self._say(self.interlock or NOTHING, now_us)
 
@@ -169,6 +175,19 @@ class DriveInputs:
         """Return whether the newest usable odometry is too old for its clock to be right now."""
         wheels = self.wheels
         return wheels is None or not is_current(wheels.utime, now_us, OLDEST_WHEELS_US)
+
+    def _with_keyless(self, interlock: Interlock, now_us: int) -> Interlock:
+        """Add on which channels messages lack the lab's key: a process may be without it."""
+        for channel in (*WATCHED, channels.LOGGER_STATUS):
+            count = self._port.without_key(channel)
+            name = channel.name(self._config.robot.name)
+            if count > self._keyless.get(name, (0, 0))[0]:
+                self._keyless[name] = count, now_us
+        names = [n for n, (_, at_us) in self._keyless.items() if now_us - at_us <= KEYLESS_US]
+        if not names:
+            return interlock
+        keyless = f"messages without the lab's key on {', '.join(names)}"
+        return interlock._replace(reason=f"{interlock.reason}; {keyless}")
 
     def _say(self, interlock: Interlock, now_us: int) -> None:
         """Publish what forbids driving, as soon as it changes and now and then."""

@@ -21,6 +21,7 @@ from koopman_lab.bus.processes import in_stop_order
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.files import cache_folder, write_json
 from koopman_lab.units import US_PER_S
+from offboard.lab.own_processes import alive, is_klab
 from offboard.lab.run_folder import RunFolder
 from offboard.monitor.process_states import ALIVE, DIED, STARTING, ProcessState
 
@@ -29,7 +30,6 @@ FOLDER = "labs"
 TAIL_LINES = 12
 FORGOTTEN_S = 7 * 86_400.0
 """After a week a lab that broke, and was never started again, is news to nobody."""
-KLAB = ("klab", "offboard.cli.main", "cli/main.py")
 
 
 class ProcessNote:
@@ -100,6 +100,19 @@ def running_commands(url: str) -> dict[str, dict[int, set[str]]]:
     return by_robot
 
 
+def may_run(pid: int, url: str, robot: str) -> bool:
+    """Return whether a command's own notes allow that it runs processes of a robot on a bus.
+
+    Only a command without any note, whose folder could not be written, may run anybody's.
+    """
+    claims = set()
+    for file in (cache_folder() / FOLDER).glob(f"*-{pid}.json"):
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+            facts = json.loads(file.read_text())
+            claims.add((facts["bus"], facts["robot"]))
+    return not claims or (url, robot) in claims
+
+
 def broken_labs(url: str, now_us: int) -> dict[str, list[ProcessState]]:
     """Return by robot the processes of labs on a bus that broke on this machine.
 
@@ -167,24 +180,6 @@ def last_lines(file: Path) -> list[str]:
         return file.read_text(errors="replace").splitlines()[-TAIL_LINES:]
     except OSError:
         return []
-
-
-def is_klab(pid: int) -> bool:
-    """Return whether a process is one of our commands; numbers are used again."""
-    try:
-        arguments = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
-    except OSError:
-        return False
-    return any(argument.endswith(KLAB) for argument in arguments)
-
-
-def alive(pid: int) -> bool:
-    """Return whether a process exists and is no zombie."""
-    try:
-        line = Path(f"/proc/{pid}/stat").read_text()
-    except OSError:
-        return False
-    return line.rpartition(")")[2].split()[0] != "Z"
 
 
 def _notes_left_behind(url: str) -> Iterator[tuple[Path, dict[str, Any]]]:

@@ -8,12 +8,12 @@ from koopman_lab.bus.channel import OPERATOR, Channel
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 from offboard.monitor.robot_view import RobotView
-from offboard.monitor.streams import GIVES_WAY_S, MOST_STREAMS, Streams
+from offboard.monitor.streams import GIVES_WAY_S, MOST_STREAMS, Streams, refusal_line
 
 MOST_ROBOTS = 16
 """Names are free on a bus: who invents them endlessly fills no memory here."""
 LEFT_OUT_S = 3.0
-"""So long after its last message it is said that a robot has no place."""
+"""So long after its last message it is said that a robot has no place, or is not believed."""
 
 Marks = tuple[tuple[str, int, int], ...]
 """By robot: its name, the row and the segment that a page wants next."""
@@ -49,6 +49,14 @@ class LabView:
             if robot is None:
                 return
         robot.take(stream, stream.channel, data, arrived_us)
+
+    def refuse(self, name: str, data: bytes, arrived_us: int) -> None:
+        """Count a message that lacks the lab's key, or was sent before."""
+        self._streams.refuse(name, data, arrived_us)
+
+    def refusals(self, now_us: int) -> str:
+        """Return in words on which channels messages were not believed lately; empty for none."""
+        return refusal_line(self._streams.refused_since(now_us - round(LEFT_OUT_S * US_PER_S)))
 
     def snapshot(self, now_us: int) -> dict[str, Any]:
         """Return what every page shows now: by robot, all but the histories."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,6 +37,8 @@ GIVES_WAY_S = 10.0
 there is no other."""
 LOOK_S = 1.0
 """So often a place is looked for."""
+MOST_REFUSALS = 4
+"""So many channels are named one by one."""
 SILENT_PERIODS = 5
 """Who was silent for so many periods, and a second, is doubted no more."""
 
@@ -67,6 +69,8 @@ class Flow(NamedTuple):
     publishers, numbering
         How many speak at once, and how they number their messages, see
         :class:`~koopman_lab.bus.publishers.StreamIdentity`; None where several may speak.
+    refused
+        Lack the lab's key, or were sent before, and count for nothing else; 0 where there is none.
     """
 
     name: str
@@ -80,6 +84,7 @@ class Flow(NamedTuple):
     undecodable: int
     publishers: int | None = None
     numbering: Numbering | None = None
+    refused: int = 0
 
 
 class Stream:
@@ -101,6 +106,10 @@ class Stream:
         """When the newest message arrived (us)."""
         self.utime = 0
         """When the newest message was stamped (us), by its sender's clock."""
+        self.refused = 0
+        """Messages that lack the lab's key, or were sent before."""
+        self.refused_us: int | None = None
+        """When the newest of them arrived (us)."""
         self._undecodable = 0
         self._size = 0
         self._header = None if channel is None else header_reader(channel.type)
@@ -134,6 +143,7 @@ class Stream:
         arrivals = np.frombuffer(self._arrivals, np.int64)[: self.count]
         if self.count > MOST_ARRIVALS:
             arrivals = np.roll(arrivals, -(self.count % MOST_ARRIVALS))
+        publishers, numbering = self._identity(now_us, config) or (None, None)
         steps = np.diff(arrivals[arrivals >= now_us - WINDOW_S * US_PER_S])
         return Flow(
             self.name,
@@ -145,7 +155,9 @@ class Stream:
             self._size,
             (now_us - self.heard_us) / US_PER_S if self.count else None,
             self._undecodable,
-            *(self._identity(now_us, config) or (None, None)),
+            publishers,
+            numbering,
+            self.refused,
         )
 
     def _identity(self, now_us: int, config: LabConfig) -> StreamIdentity | None:
@@ -171,13 +183,34 @@ class Streams:
 
         None if it is no message of its channel, or there are too many streams.
         """
+        stream = self._stream(name, arrived_us)
+        return stream if stream is not None and stream.take(data, arrived_us) else None
+
+    def refuse(self, name: str, data: bytes, arrived_us: int) -> None:
+        """Count a message that lacks the lab's key, or was sent before."""
+        del data
+        stream = self._stream(name, arrived_us)
+        if stream is not None:
+            stream.refused += 1
+            stream.refused_us = arrived_us
+
+    def refused_since(self, since_us: int) -> dict[str, int]:
+        """Return by channel how many were refused in all, where one was since then (us)."""
+        return {
+            name: stream.refused
+            for name, stream in sorted(self._streams.items())
+            if stream.refused_us is not None and stream.refused_us >= since_us
+        }
+
+    def _stream(self, name: str, arrived_us: int) -> Stream | None:
+        """Return the stream of a channel, None if there are too many."""
         stream = self._streams.get(name)
         if stream is None:
             if len(self._streams) == MOST_STREAMS and not self._make_room(arrived_us):
                 self.full_us = arrived_us
                 return None
             stream = self._streams[name] = Stream(name, _channel(name))
-        return stream if stream.take(data, arrived_us) else None
+        return stream
 
     def _make_room(self, now_us: int) -> bool:
         """Forget who was silent for long; return whether there is a place now."""
@@ -191,6 +224,17 @@ class Streams:
     def flows(self, now_us: int, config: LabConfig) -> list[Flow]:
         """Return how each channel flows, in alphabetical order."""
         return [self._streams[name].flow(now_us, config) for name in sorted(self._streams)]
+
+
+def refusal_line(refused: Mapping[str, int]) -> str:
+    """Return in words on which channels messages lack the key; empty where none do."""
+    if not refused:
+        return ""
+    shown = [f"{name} ({count})" for name, count in refused.items()][:MOST_REFUSALS]
+    more = f" and {len(refused) - len(shown)} more" if len(refused) > len(shown) else ""
+    return (
+        f"messages without the lab's key, or sent again, are not believed: {', '.join(shown)}{more}"
+    )
 
 
 def identity_lines(flows: Iterable[Flow]) -> list[str]:

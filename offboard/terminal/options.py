@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -166,17 +166,19 @@ def refuse_one_and_all(robot_name: str | None, *, all_robots: bool) -> None:
         raise ConfigError(f"--all and --robot-name {robot_name}: all robots or one; drop one")
 
 
-def listen(config: LabConfig) -> Listener:
+def listen(config: LabConfig, on_bad_key: Callable[[str], None] | None = None) -> Listener:
     """Open the bus, before a command leaves any trace on the disk.
 
     Raises
     ------
     BusError
         If it cannot be opened.
+    ConfigError
+        If the lab's key cannot be used, and nobody is told of it by ``on_bad_key``.
     """
     from koopman_lab.bus.realtime import Listener
 
-    return Listener(config)
+    return Listener(config, on_bad_key)
 
 
 def start_or_default(

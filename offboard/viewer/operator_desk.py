@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from koopman_lab.bus.realtime import Listener, RealtimePort
+from koopman_lab.bus.lab_key import key_text
+from koopman_lab.bus.realtime import Listener
+from koopman_lab.bus.realtime_port import RealtimePort
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from koopman_lab.units import US_PER_S
@@ -46,7 +48,9 @@ class OperatorDesk:
     def __init__(self, config: LabConfig, *, robot_known: bool = False) -> None:
         self.view = LabView(config, config.robot.name if robot_known else None)
         self._listener = Listener(config)
-        self._listener.overhear(self.view.take)
+        self._listener.overhear(self.view.take, self.view.refuse)
+        self.key_text = key_text(config)
+        """Who may speak on the bus."""
         self._publishers: dict[str, RealtimePort] = {}
         self._orders: dict[tuple[str, str], tuple[Order[Any], Reply, str]] = {}
         self._armed_us: dict[tuple[object, str], int] = {}

@@ -135,7 +135,8 @@ class Server:
             if self._clients:
                 now_us = self._desk.now_us()
                 robots = json.dumps(self._desk.view.snapshot(now_us), allow_nan=False)
-                self._snapshot_text = f'"now_us":{now_us},"robots":{robots}'
+                trust = json.dumps([self._desk.key_text, self._desk.view.refusals(now_us)])
+                self._snapshot_text = f'"now_us":{now_us},"robots":{robots},"trust":{trust}'
                 self._updates.clear()
             self._tick.set()
             self._tick = asyncio.Event()

@@ -24,6 +24,21 @@ def test_bench_lockstep_as_a_table():
     assert "encoding and decoding" in text
 
 
+def test_bench_authentication_says_what_the_key_costs():
+    facts = klab_json("bench", "authentication", "--messages", "300")
+    for costs in facts["cost_us"].values():
+        assert set(costs) == {"encode", "sign", "verify", "take"}
+        for cost in costs.values():
+            assert 0.0 < cost["median"] <= cost["p99"] <= cost["max"]
+    assert facts["share_of_a_core_at_240_hz"]["sign"] > 0.0
+    lockstep = facts["lockstep"]
+    # Frames, counters and duties alone are 440 a second, and each is heard by somebody.
+    assert lockstep["signed_per_s"] > 440.0
+    assert lockstep["verified_per_s"] > 200.0
+    assert lockstep["share"] > 0.0
+    assert "in lockstep" in klab_ok("bench", "authentication", "--messages", "100")
+
+
 def test_bench_logger_counts_both_loggers_on_one_bus(tmp_path):
     short = ("--minutes", "0.05", "--camera-rate-hz", "240", *NO_RADIO_LOSS)
     found = klab_json("bench", "logger", *short, "--out", tmp_path / "run")

@@ -8,6 +8,8 @@ from hostile_times import HOSTILE
 
 import lcmtypes
 from koopman_lab.bus import channels
+from koopman_lab.bus.admission import Admission
+from koopman_lab.bus.lab_key import KEY_BYTES
 from koopman_lab.bus.lockstep import Lockstep
 from koopman_lab.config.load import load_config
 from koopman_lab.geometry.planar import Pose
@@ -221,6 +223,34 @@ def test_one_recorded_frame_of_another_time_does_not_stop_a_session(what):
     bench.speakers.stray.append(frame)
     for _ in range(20):
         assert bench.after(0.05) is None
+
+
+def without_key(bench, channel):
+    """Have a channel's messages judged by a key that none of them carries."""
+    bench.lab.close()
+    name = channel.name("R1")
+    subscription = bench.driver.port.subscriptions[name]
+    admission = subscription.admission = Admission(bytes(KEY_BYTES), channel, name)
+    take = subscription.receive
+    routes = bench.lab.routes[name]
+    routes[:] = [
+        (order, lambda data, at: admission.admits(data) and take(data, at)) for order, _ in routes
+    ]
+
+
+@pytest.mark.parametrize(
+    ("channel", "reason"),
+    [(channels.ONBOARD_STATUS, "onboard loop silent"), (channels.LOGGER_STATUS, "logger silent")],
+)
+def test_who_is_silent_for_want_of_the_key_is_told_from_who_is_not_there(channel, reason):
+    bench = Bench(records=False)
+    assert bench.after(2.0) is None
+    without_key(bench, channel)
+    interlock = bench.after(4.0)
+    assert interlock.reason == f"{reason}; messages without the lab's key on {channel.name('R1')}"
+    assert interlock.cause is Cause.SILENCE
+    bench.speakers.silent.add(channel.suffix)
+    assert bench.after(4.0).reason == reason
 
 
 def test_who_drives_alone_does_not_care_for_the_rate():

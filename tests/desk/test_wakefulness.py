@@ -5,7 +5,7 @@ import time
 from hypothesis import given
 from hypothesis import strategies as st
 
-from koopman_lab.bus.realtime import Clock
+from koopman_lab.bus.realtime_port import Clock
 from offboard.desk.wakefulness import Wakefulness
 
 LIMIT_S, LIMIT_US = 2.0, 2_000_000

@@ -7,7 +7,13 @@ import lcmtypes
 from koopman_lab.bus.channels import MOCAP_POSE
 from koopman_lab.config.load import load_config
 from offboard.commands.topics import _table
-from offboard.monitor.streams import MOST_ARRIVALS, WINDOW_S, Stream
+from offboard.monitor.streams import (
+    MOST_ARRIVALS,
+    WINDOW_S,
+    Stream,
+    Streams,
+    refusal_line,
+)
 
 CONFIG = load_config()
 
@@ -87,3 +93,23 @@ def test_bytes_of_another_type_are_counted_apart_and_shown_in_a_column_of_their_
     assert table.columns[-1].header == "undecodable"
     assert list(table.columns[-1].cells) == ["3", "0"]
     assert list(table.columns[-2].cells) == ["-", "2.0"]
+
+
+def test_what_lacks_the_key_is_counted_and_counts_for_nothing_else():
+    streams, pose = Streams(), lcmtypes.mocap_pose_t()
+    for k in range(5):
+        pose.sequence = k
+        streams.take("R1_MOCAP_POSE", pose.encode(), k * 10_000)
+        streams.refuse("R1_MOTOR_CMD", b"anything", k * 10_000)
+        streams.refuse("R1_MOCAP_POSE", b"", k * 10_000)
+    flows = {flow.name: flow for flow in streams.flows(50_000, CONFIG)}
+    assert (flows["R1_MOCAP_POSE"].messages, flows["R1_MOCAP_POSE"].refused) == (5, 5)
+    motor = flows["R1_MOTOR_CMD"]
+    assert (motor.messages, motor.refused, motor.rate_hz, motor.age_s) == (0, 5, None, None)
+    assert streams.refused_since(40_000) == {"R1_MOCAP_POSE": 5, "R1_MOTOR_CMD": 5}
+    assert streams.refused_since(40_001) == {}
+    line = refusal_line(streams.refused_since(0))
+    assert "without the lab's key" in line
+    assert "R1_MOTOR_CMD (5)" in line
+    assert refusal_line({}) == ""
+    assert refusal_line({f"R{k}_GOAL": 1 for k in range(9)}).endswith("and 5 more")

@@ -113,3 +113,21 @@ def test_a_second_robot_is_calibrated_beside_the_first(tmp_path):
         run("klab down --all", tmp_path)
         assert up.process.wait(timeout=LIMIT_S) in ENDED
     assert (tmp_path / "runs" / "second-robot" / "session.lcm").exists()
+
+
+def test_a_lab_with_a_key_and_guests_who_look_on(tmp_path):
+    (tmp_path / "runs").mkdir()
+    run("klab key new lab.key", tmp_path)
+    guests = 'klab relay --read-only --to "udpm://239.255.76.69:7669?ttl=0"'
+    with (
+        Terminal("klab up --set bus.key_file=lab.key", tmp_path) as up,
+        Terminal(guests, tmp_path) as relay,
+    ):
+        ear = Ear("udpm://239.255.76.69:7669?ttl=0")
+        ear.wait_for("plant", "onboard", "logger")
+        ear.wait(lambda: ear.status is not None)
+        run("klab estop --set bus.key_file=lab.key", tmp_path)
+        assert "R1_MOTOR_CMD" in run("klab topics --once --set bus.key_file=lab.key", tmp_path)
+        relay.interrupt()
+        run("klab down --set bus.key_file=lab.key", tmp_path)
+        assert up.process.wait(timeout=LIMIT_S) in ENDED

@@ -61,7 +61,12 @@ NOT_PARKED = 1
 
 NO_BUS = (
     *("klab simulate", "klab study", "klab bench motor", "klab bench lockstep"),
-    *("klab bench dataset", "./scripts/show-results", "./scripts/demo --lockstep"),
+    *(
+        "klab bench dataset",
+        "klab bench authentication",
+        "./scripts/show-results",
+        "./scripts/demo --lockstep",
+    ),
 )
 """Commands that need no bus and no other process, beside those of ALONE."""
 

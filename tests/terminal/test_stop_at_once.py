@@ -23,7 +23,7 @@ FIRST_MESSAGE = """
 import sys
 sys.argv = ["klab", "estop", *sys.argv[1:]]
 from offboard.cli.start import main
-from koopman_lab.bus.realtime import RealtimePort
+from koopman_lab.bus.realtime_port import RealtimePort
 
 send = RealtimePort.send
 
@@ -42,6 +42,7 @@ CASES = [
     ["--robot-name=R7", "--url=udpm://239.255.76.68:7001?ttl=0"],
     ["--set", "robot.name=R8", "--set", "bus.url=udpm://239.255.76.68:7002?ttl=0"],
     ["--set", "robot.kind=dynamic", "--robot-name", "R9"],
+    ["--set", "bus.key_file=lab.key"],
     ["--config", "lab.yaml"],
     ["--config", "lab.yaml", "--robot-name", "R3", "--set", "controller.horizon=20"],
     ["--all", "--release", "--config=lab.yaml"],
@@ -104,7 +105,7 @@ def test_robot_and_bus_are_those_of_the_command_line(arguments, tmp_path, monkey
         robot_name=order.robot_name,
     )
     assert lab.robot.name == whole.robot.name
-    for key in ("url", "receive_buffer_bytes", "heartbeat_rate_hz"):
+    for key in ("url", "receive_buffer_bytes", "heartbeat_rate_hz", "key_file"):
         assert getattr(lab.bus, key) == getattr(whole.bus, key)
     assert order.all_robots == ("--all" in arguments)
     assert order.release == ("--release" in arguments)

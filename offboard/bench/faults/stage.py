@@ -86,6 +86,7 @@ class _KillablePort:
         self.robot_name, self.virtual, self.process = port.robot_name, port.virtual, port.process
         self._port, self._owner = port, owner
         self.now_us, self.lost_messages = port.now_us, port.lost_messages
+        self.without_key = port.without_key
         self.publishers = port.publishers
 
     def publish(self, channel: Channel[M], message: M) -> None:

@@ -10,7 +10,7 @@ const SLOW_MS = 500; // tables and plots: a person reads no faster
 const RETRY_MS = 1000;
 const SILENT_MS = 2000;
 
-let socket = null, robots = {}, selected = null, heardAt = 0, lost = "connecting to klab view";
+let doubt = "", socket = null, robots = {}, selected = null, heardAt = 0, lost = "connecting to klab view";
 let spoken = "", warned = "", later = [], snapshotUs = 0, fresh = false, slowAt = 0;
 const kept = new Map(); // by robot: rows of the plots, segments, and the numbers of the oldest
 const floor = new Floor(get("floor"), (x1, x2, theta) => orders.goal(x1, x2, theta ?? robots[selected]?.goal?.[2] ?? 0));
@@ -34,6 +34,9 @@ function take(message) {
   heardAt = performance.now();
   robots = message.robots;
   snapshotUs = message.now_us;
+  const [key, refused] = message.trust;
+  text("key", `Bus: ${key}.`);
+  doubt = refused;
   for (const [name, news] of Object.entries(message.news)) {
     if (!kept.has(name)) kept.set(name, { rows: [], segments: [], oldest: 0 });
     const mine = kept.get(name);
@@ -72,6 +75,7 @@ function banners() {
   document.body.classList.toggle("lost", Boolean(lost) || silent);
   if (lost) lines.push(lost);
   if (silent) lines.push("klab view is silent: nothing below is up to date");
+  if (doubt) lines.push(doubt);
   for (const [name, robot] of Object.entries(robots)) lines.push(...robot.banners.map((line) => `${name}: ${line}`));
   const words = lines.map(wordsOf).join(". ");
   if (words !== warned) { warned = words; text("warned", lines.join(". ")); }
