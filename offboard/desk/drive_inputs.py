@@ -140,6 +140,12 @@ class DriveInputs:
         logger, limit_us = self._logger, LOGGER_TIMEOUT_S * US_PER_S
         if logger is None or not is_fresh(logger.utime, self._logger_new_us, now_us, limit_us):
             return Interlock("logger silent", cause=Cause.SILENCE)
+        if logger.bytes == logger.NOT_WRITING:
+            return Interlock(
+                "the logger cannot write the session down; its last words say why",
+                lasting=True,
+                cause=Cause.RECORD,
+            )
         return None
 
     def _say(self, interlock: Interlock, now_us: int) -> None:

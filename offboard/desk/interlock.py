@@ -15,10 +15,11 @@ class Cause(Enum):
     STREAM = "a stream is not what a session needs"
     MOTION = "cameras, wheels and commands contradict each other"
     FLOOR = "the robot is not, or would not stay, on the floor"
+    RECORD = "nothing is written down any more"
     OTHER = "something else"
 
 
-TO_BE_MENDED = (Cause.MOTION, Cause.FLOOR)
+TO_BE_MENDED = (Cause.MOTION, Cause.FLOOR, Cause.RECORD)
 """What ends a session while the robot is driven: nothing that passes, and no other's hold."""
 
 

@@ -28,7 +28,7 @@ class Speakers:
         self.rate_hz, self.twice, self.valid, self.numbered = 240, False, True, True
         self.ahead_us, self.silent, self.stuck_us = 0, set(), None
         self.status = STATUS()
-        self.frames = 0
+        self.frames = self.logged_bytes = 0
 
     def attach(self, port):
         self.port = port
@@ -51,7 +51,7 @@ class Speakers:
         self.status.utime = now_us if self.stuck_us is None else self.stuck_us
         self.say(channels.ONBOARD_STATUS, self.status)
         logger = lcmtypes.logger_status_t()
-        logger.utime = now_us
+        logger.utime, logger.bytes = now_us, self.logged_bytes
         self.say(channels.LOGGER_STATUS, logger)
 
     def say(self, channel, message):
@@ -132,6 +132,13 @@ def stick(speakers):
         (stick, "onboard loop silent", Cause.SILENCE, False, False),
         (change(stuck_us=40_000_000), "onboard loop silent", Cause.SILENCE, False, False),
         (silence(channels.LOGGER_STATUS), "logger silent", Cause.SILENCE, False, False),
+        (
+            change(logged_bytes=lcmtypes.logger_status_t.NOT_WRITING),
+            "logger cannot write",
+            Cause.RECORD,
+            True,
+            False,
+        ),
         (state(state=STATUS.ESTOP), "emergency stop", Cause.HELD, True, False),
         (
             state(state=STATUS.FAULT, fault=STATUS.BATTERY_LOW),
