@@ -16,15 +16,14 @@ import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal, NamedTuple, TypeVar
+from typing import IO, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, ValidationError
 
-from koopman_lab.errors import LabError
 from koopman_lab.files import open_file, replacing
+from koopman_lab.json_file import Refusal, first_line, parsed_table
 
 HEADER = "header"
 MOST_ENTRIES = 4096
@@ -32,7 +31,6 @@ LARGEST_BYTES = 1 << 31
 """Unpacked. Assumption: a day of the paper's cameras makes a data set of 1.3 GB."""
 SMALL_BYTES, MOST_TIMES = 1 << 26, 20
 """An archive that unpacks to more than both, 64 MiB and so many times its size, is a trap."""
-LARGEST_HEADER_BYTES = 1 << 24
 LARGEST_MAGNITUDE = 1e9
 """Of a number in SI units that a robot on a floor can have to do with; its powers do not overflow.
 Assumption."""
@@ -45,15 +43,6 @@ _UNREADABLE = (
     *(NotImplementedError, RuntimeError, UserWarning),
 )
 """What zipfile, numpy and json raise for damaged files."""
-
-
-class Header(BaseModel):
-    """What a header of JSON must say; derive from it."""
-
-    model_config = ConfigDict(strict=True, frozen=True, extra="allow", allow_inf_nan=False)
-
-
-H = TypeVar("H", bound=Header)
 
 
 @dataclass(frozen=True)
@@ -77,35 +66,6 @@ class ArrayRow:
     shape: tuple[int | str, ...]
     smallest: float = -LARGEST_MAGNITUDE
     largest: float = LARGEST_MAGNITUDE
-
-
-class Refusal(NamedTuple):
-    """How a file that cannot be used is refused.
-
-    Attributes
-    ----------
-    path
-        The file.
-    what
-        What it should be, with its article.
-    remedy
-        The next step.
-    error
-        What to raise.
-    """
-
-    path: Path
-    what: str
-    remedy: str
-    error: type[LabError]
-
-    def because(self, reason: str) -> LabError:
-        """Return what to raise where a file is damaged, and why."""
-        return self.error(f"{self.path}: damaged, or not {self.what}: {reason}; {self.remedy}")
-
-    def entry(self, name: str, expected: str, seen: str) -> LabError:
-        """Return what to raise where an entry is not as expected."""
-        return self.because(f"{name}: expected {expected}, found {seen}")
 
 
 class ArrayFile(NamedTuple):
@@ -140,10 +100,9 @@ def read_array_file(refusal: Refusal) -> ArrayFile:
                 for name, info in entries.items()
             }
     except FileNotFoundError:
-        noun = refusal.what.removeprefix("a ")
-        raise refusal.error(f"{refusal.path}: no such {noun}; {refusal.remedy}") from None
+        raise refusal.missing() from None
     except _UNREADABLE as error:
-        raise refusal.because(_first_line(error)) from None
+        raise refusal.because(first_line(error)) from None
     return ArrayFile(_header(refusal, arrays.pop(HEADER, None)), arrays)
 
 
@@ -161,7 +120,7 @@ def read_array(refusal: Refusal, row: ArrayRow) -> NDArray[Any]:
             raw.seek(0)
             array = _read(refusal, row.name, raw, size)
     except _UNREADABLE as error:
-        raise refusal.because(_first_line(error)) from None
+        raise refusal.because(first_line(error)) from None
     return checked_arrays(refusal, {row.name: array}, [row])[row.name]
 
 
@@ -176,26 +135,6 @@ def write_array_file(path: Path, header: Mapping[str, Any], arrays: Mapping[str,
     text = json.dumps(header, sort_keys=True).encode()
     with replacing(path) as file:
         np.savez(file, header=np.frombuffer(text, np.uint8), **arrays)
-
-
-def checked_header(refusal: Refusal, header: Mapping[str, Any], expected: type[H]) -> H:
-    """Return a header of JSON in its type.
-
-    Raises
-    ------
-    LabError
-        The refusal's; the message names the first key that is not as expected.
-    """
-    try:
-        # Strict, but with the types of JSON: a list is a tuple there.
-        return expected.model_validate_json(json.dumps(header))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(map(str, first["loc"])) or HEADER
-        seen = "nothing" if first["type"] == "missing" else _shortened(repr(first["input"]))
-        raise refusal.entry(key, first["msg"].lower(), seen) from None
-    except (ValueError, RecursionError):  # no Unicode, or nested without end
-        raise refusal.because("its header is no JSON of this kind") from None
 
 
 def checked_arrays(
@@ -244,10 +183,6 @@ def _entries(refusal: Refusal, archive: zipfile.ZipFile, size: int) -> dict[str,
     unpacked = sum(info.file_size for info in listed)
     if unpacked > min(max(SMALL_BYTES, MOST_TIMES * size), LARGEST_BYTES):
         raise refusal.because(f"its {size} bytes unpack to {unpacked}, more than such a file has")
-    if HEADER in entries and entries[HEADER].file_size > LARGEST_HEADER_BYTES:
-        raise refusal.entry(
-            HEADER, f"at most {LARGEST_HEADER_BYTES} bytes", str(entries[HEADER].file_size)
-        )
     return entries
 
 
@@ -279,18 +214,4 @@ def _header(refusal: Refusal, stored: NDArray[Any] | None) -> dict[str, Any]:
     if stored is None or stored.dtype != np.uint8 or stored.ndim != 1:
         seen = "no such entry" if stored is None else f"{stored.dtype} of shape {stored.shape}"
         raise refusal.entry(HEADER, "JSON in bytes", seen)
-    try:
-        header = json.loads(stored.tobytes())
-    except (ValueError, RecursionError) as error:
-        raise refusal.entry(HEADER, "JSON", _first_line(error)) from None
-    if not isinstance(header, dict):
-        raise refusal.entry(HEADER, "a table of keys", _shortened(repr(header)))
-    return header
-
-
-def _first_line(error: BaseException) -> str:
-    return _shortened((str(error) or type(error).__name__).splitlines()[0])
-
-
-def _shortened(text: str, most: int = 100) -> str:
-    return text if len(text) <= most else f"{text[:most]}..."
+    return parsed_table(refusal, stored.tobytes(), HEADER)

@@ -64,7 +64,8 @@ def load_tick_times(path: Path) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     LogError
         If the file is missing or damaged.
     """
-    from koopman_lab.array_file import ArrayRow, Refusal, read_array
+    from koopman_lab.array_file import ArrayRow, read_array
+    from koopman_lab.json_file import Refusal
 
     refusal = Refusal(path, "tick times", "the process did not end in order", LogError)
     largest = float(2**63)

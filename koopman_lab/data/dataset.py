@@ -14,10 +14,7 @@ from pydantic import Field
 
 from koopman_lab.array_file import (
     ArrayRow,
-    Header,
-    Refusal,
     checked_arrays,
-    checked_header,
     read_array_file,
     write_array_file,
 )
@@ -27,6 +24,7 @@ from koopman_lab.data.decode import SessionLog
 from koopman_lab.data.metadata import DataSetMetadata, SamplingTime
 from koopman_lab.data.recording import recording
 from koopman_lab.errors import ConfigError, DataError
+from koopman_lab.json_file import JsonTable, Refusal, checked_table
 from koopman_lab.robots.robot_type import RobotType
 from koopman_lab.robots.table import robot_type
 
@@ -40,7 +38,7 @@ LAST_US = 253_402_300_799_000_000
 """The end of the year 9999, the last that Python can name."""
 
 
-class _Header(Header):
+class _Header(JsonTable):
     """What the header of a data set's file says."""
 
     format: int
@@ -159,7 +157,7 @@ class DataSet:
                 f"{path}: data set of format {version}, this version reads {FORMAT}; make it again "
                 "from its session"
             )
-        checked = checked_header(refusal, header, _Header)
+        checked = checked_table(refusal, header, _Header)
         try:
             robot = robot_type(checked.robot_kind)
         except ConfigError as error:

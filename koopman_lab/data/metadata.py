@@ -6,8 +6,9 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from koopman_lab.array_file import LARGEST_MAGNITUDE, Header
+from koopman_lab.array_file import LARGEST_MAGNITUDE
 from koopman_lab.data.session_account import SessionAccount
+from koopman_lab.json_file import JsonTable
 
 LONGEST_DT_S = 3600.0
 SamplingTime = Annotated[float, Field(gt=0.0, le=LONGEST_DT_S)]
@@ -16,7 +17,7 @@ Metres = Annotated[float, Field(gt=0.0, le=LARGEST_MAGNITUDE)]
 ThreeNumbers = tuple[float, float, float]
 
 
-class Marker(Header):
+class Marker(JsonTable):
     """See :meth:`koopman_lab.data.marker.MarkerOffset.as_dict`."""
 
     offset: ThreeNumbers | None
@@ -32,28 +33,28 @@ class Marker(Header):
         return self
 
 
-class Processing(Header):
+class Processing(JsonTable):
     """Of :class:`koopman_lab.config.schema.Processing` what is read again."""
 
     remove_marker_offset: bool
     smoothing_window: Annotated[int, Field(ge=1)] | None = None
 
 
-class Geometry(Header):
+class Geometry(JsonTable):
     """Of :class:`koopman_lab.config.schema.Robot` what is read again."""
 
     wheel_radius_m: Metres | None = None
     track_width_m: Metres | None = None
 
 
-class Origin(Header):
+class Origin(JsonTable):
     """The session that a data set was made of."""
 
     file: str
     sha256: str
 
 
-class Metadata(Header):
+class Metadata(JsonTable):
     """What a model keeps of the metadata of its data set, and reads."""
 
     marker: Marker | None = None

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.array_file import ArrayRow, checked_arrays, checked_header
+from koopman_lab.array_file import ArrayRow, checked_arrays
 from koopman_lab.errors import LabError, ModelError
+from koopman_lab.json_file import checked_table
 from koopman_lab.koopman.combination import PAPER, Combination
 from koopman_lab.koopman.dictionary import DICTIONARIES, Dictionary, dictionary, from_expressions
 from koopman_lab.koopman.model_file import EDMD, ModelFile, ModelHeader
@@ -51,7 +52,7 @@ def content_of(file: ModelFile) -> BilinearContent:
     path, header = file.path, file.header
     if header["predictor"] != EDMD:
         raise ModelError(f"{path}: a model of the predictor {header['predictor']!r}, not {EDMD}")
-    checked_header(file.refusal, header, BilinearHeader)
+    checked_table(file.refusal, header, BilinearHeader)
     combination = header.get("combination", PAPER)
     try:
         robot_type(header["robot"])

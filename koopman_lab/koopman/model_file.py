@@ -13,15 +13,10 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 from pydantic import ConfigDict
 
-from koopman_lab.array_file import (
-    Header,
-    Refusal,
-    checked_header,
-    read_array_file,
-    write_array_file,
-)
+from koopman_lab.array_file import read_array_file, write_array_file
 from koopman_lab.data.metadata import Metadata, SamplingTime
 from koopman_lab.errors import ModelError
+from koopman_lab.json_file import JsonTable, Refusal, checked_table
 
 FORMAT = 2
 """Version of the model file; raised when its meaning changes."""
@@ -31,14 +26,14 @@ EDMD = "edmd"
 """The predictor of files that say none."""
 
 
-class StoredReason(Header):
+class StoredReason(JsonTable):
     """See :class:`koopman_lab.evaluation.plausibility.Reason`."""
 
     level: str
     text: str
 
 
-class StoredVerdict(Header):
+class StoredVerdict(JsonTable):
     """See :class:`koopman_lab.evaluation.plausibility.Verdict`; its figures are free."""
 
     model_config = ConfigDict(allow_inf_nan=True)
@@ -47,20 +42,20 @@ class StoredVerdict(Header):
     reasons: list[StoredReason]
 
 
-class Verdicts(Header):
+class Verdicts(JsonTable):
     """The verdicts that a model was trained with."""
 
     sources: Sequence[dict[str, StoredVerdict]] = ()
 
 
-class ModelMetadata(Header):
+class ModelMetadata(JsonTable):
     """What of the metadata of a model is read."""
 
     data: Metadata | None = None
     verdict: Verdicts | None = None
 
 
-class ModelHeader(Header):
+class ModelHeader(JsonTable):
     """What the header of a model file says, whatever the predictor."""
 
     format: int
@@ -116,7 +111,7 @@ def read_model_file(path: Path) -> ModelFile:
             f"{path}: model file of format {version}, this version reads "
             f"{' and '.join(map(str, READABLE))}; train it again from its session"
         )
-    checked_header(refusal, header, ModelHeader)
+    checked_table(refusal, header, ModelHeader)
     return ModelFile(path, header, arrays)
 
 

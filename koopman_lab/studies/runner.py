@@ -134,6 +134,7 @@ def run_study(
         elapsed_s = time.perf_counter() - began_s
         _write(folder, study, ordered)
         _summarise(folder, study, ordered, pool, elapsed_s, len(keys) - count_before, lost, solvers)
+        _draw(folder, study, ordered)
     return ordered
 
 
@@ -161,14 +162,17 @@ def _missing(study: Study, rows_by_key: dict[tuple[str, int], Row], chunk: int) 
 
 def _write(folder: Path, study: Study, rows: Sequence[Row]) -> None:
     labels = [case.label for case in study.cases]
-    panels: dict[str, list[str]] = {}
-    for case in study.cases:
-        title = f"{case.config.robot.kind} robot, after {case.duration_s:g} s"
-        panels.setdefault(title, []).append(case.label)
     write_csv(folder / "rows.csv", COLUMNS, ([row[c] for c in COLUMNS] for row in rows))
     write_csv(
         folder / "table.csv", deviation_table.COLUMNS, deviation_table.deviation_table(rows, labels)
     )
+
+
+def _draw(folder: Path, study: Study, rows: Sequence[Row]) -> None:
+    panels: dict[str, list[str]] = {}
+    for case in study.cases:
+        title = f"{case.config.robot.kind} robot, after {case.duration_s:g} s"
+        panels.setdefault(title, []).append(case.label)
     draw_distribution(folder / "distribution", panels, deviation_table.deviations_mm(rows))
 
 

@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from koopman_lab.array_file import ArrayRow, Refusal, checked_arrays, read_array_file
+from koopman_lab.array_file import ArrayRow, checked_arrays, read_array_file
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import DataError, LabError, ModelError
 from koopman_lab.files import open_file
+from koopman_lab.json_file import Refusal
 from koopman_lab.koopman.model_file import read_model_file
 from koopman_lab.predictors.table import load_model
 from tests.support.ideal_data import ideal_dataset
