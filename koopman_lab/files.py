@@ -35,8 +35,15 @@ def cache_folder() -> Path:
 
 
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[IO[bytes]]:
+def replacing(path: Path, mode: int = 0o666) -> Iterator[IO[bytes]]:
     """Open a temporary file beside ``path`` that takes its place when the block ends well.
+
+    Parameters
+    ----------
+    path
+        The file.
+    mode
+        Who may read and write it, as far as the user's umask lets them.
 
     Raises
     ------
@@ -53,7 +60,7 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
                 file.flush()
                 os.fsync(file.fileno())
             # mkstemp makes files only their owner can read; results are for everybody.
-            temporary.chmod(0o666 & ~_umask())
+            temporary.chmod(mode & ~_umask())
             temporary.replace(path)
         except BaseException:
             temporary.unlink(missing_ok=True)
@@ -97,6 +104,11 @@ def open_file(path: Path) -> IO[bytes]:
     return path.open("rb")
 
 
+def is_private(facts: os.stat_result) -> bool:
+    """Return whether nobody but this user and root can write a file or folder."""
+    return facts.st_uid in (0, os.geteuid()) and not facts.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
 def file_name(text: str, taken: Container[str] = ()) -> str:
     """Return a file's name that stands for a text from elsewhere: one name, and never a path.
 
@@ -131,9 +143,9 @@ def _in_words(path: Path) -> Iterator[None]:
         raise DiskError(error.errno, error.strerror or str(error), str(path)) from None
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text file whole or not at all."""
-    with replacing(path) as file:
+def write_text(path: Path, text: str, mode: int = 0o666) -> None:
+    """Write a text file whole or not at all; ``mode`` as for :func:`replacing`."""
+    with replacing(path, mode) as file:
         file.write(text.encode())
 
 
@@ -162,9 +174,9 @@ def sha256(*paths: Path) -> str:
     return digest.hexdigest()
 
 
-def write_json(path: Path, value: Any) -> None:
-    """Write a JSON file whole or not at all."""
-    write_text(path, json.dumps(value, indent=2) + "\n")
+def write_json(path: Path, value: Any, mode: int = 0o666) -> None:
+    """Write a JSON file whole or not at all; ``mode`` as for :func:`replacing`."""
+    write_text(path, json.dumps(value, indent=2) + "\n", mode)
 
 
 def _umask() -> int:

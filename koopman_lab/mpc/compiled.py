@@ -20,7 +20,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from koopman_lab.files import cache_folder, open_file, sha256
+from koopman_lab.files import cache_folder, is_private, open_file, sha256
 
 COMPILERS = ("cc", "gcc", "clang")
 # Contraction would make the last digits depend on the machine's instruction set.
@@ -92,7 +92,7 @@ def fault_of(path: Path) -> str | None:
             return f"there is no {file.name}"
         if not stat.S_ISREG(facts.st_mode) or facts.st_size > LARGEST_BYTES:
             return f"{file.name} is a link, a folder, or too large"
-        if not _is_ours(facts):
+        if not is_private(facts):
             return f"{file.name} could have been changed by another user"
     with open_file(note) as stated:
         hash_of_note = stated.read(2 * hashlib.sha256().digest_size)
@@ -118,13 +118,8 @@ def _make_private(folder: Path) -> None:
     facts = folder.lstat()
     if not stat.S_ISDIR(facts.st_mode) or facts.st_uid != os.geteuid():
         raise NotCompiledError(f"{folder}: is another user's; remove it, or set KOOPMAN_LAB_CACHE")
-    if not _is_ours(facts):
+    if not is_private(facts):
         folder.chmod(0o700)
-
-
-def _is_ours(facts: os.stat_result) -> bool:
-    """Return whether nobody but this user and root can write a file."""
-    return facts.st_uid in (0, os.geteuid()) and not facts.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
 def _loads(path: Path) -> bool:
