@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from koopman_lab.errors import LabError
 from koopman_lab.files import open_file
@@ -23,6 +23,17 @@ class JsonTable(BaseModel):
     """A table of JSON with known keys; derive from it. Keys that nobody reads are free."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="allow", allow_inf_nan=False)
+
+
+class PartsOrNothing(JsonTable):
+    """A table whose known parts are whole or left out, and never null; derive from it."""
+
+    @model_validator(mode="after")
+    def _no_null(self) -> PartsOrNothing:
+        for name in self.model_fields_set & type(self).model_fields.keys():
+            if getattr(self, name) is None:
+                raise ValueError(f"{name} is null, which should be left out")
+        return self
 
 
 T = TypeVar("T", bound=JsonTable)

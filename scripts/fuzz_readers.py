@@ -1,7 +1,7 @@
 """Give damaged files to the readers of files for some minutes each; keep what they stumble over.
 
 Files are drawn by hypothesis from the corpus of each target, tests/fuzz_corpus; the targets stand
-in tests/support/fuzz_targets.py. A find is made as small as it gets and written into the corpus.
+in tests/support/fuzzing/targets.py. A find is made as small as it gets and written into the corpus.
 """
 
 from __future__ import annotations
@@ -18,21 +18,22 @@ import traceback
 import warnings
 from pathlib import Path
 
+from fuzzing.targets import CORPUS, TARGETS, Target, survive
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
-
-from tests.support.fuzz_targets import CORPUS, TARGETS, Target, survive
 
 MINUTES = 30.0
 ROUND = 200
 """Files between two looks at the clock."""
 SLOW_S = 2.0
 """A file that takes longer is a find, too."""
+PLACES = 6
+"""Of a traceback that are shown, the last ones."""
 MOST_MEMORY_BYTES = 4 << 30
 
 
-class TookTooLongError(Exception):
-    """A reader took longer over a small file than anybody waits."""
+class StumbledError(Exception):
+    """Something else than an expected mistake left a reader, or it took too long."""
 
 
 def main() -> None:
@@ -64,11 +65,15 @@ def fuzz(name: str, duration_s: float) -> bool:
             tried: list[bytes] = []
             try:
                 _round(target, Path(folder), tried)
-            except Exception:
+            except StumbledError as error:
                 content = tried[-1]
                 file = CORPUS / target.corpus / f"find-{hashlib.sha256(content).hexdigest()[:8]}"
                 file.write_bytes(content)
-                print(f"{name}: stumbled over {file}\n{traceback.format_exc()}", flush=True)
+                cause = error.__cause__ or error
+                places = "".join(traceback.format_tb(cause.__traceback__)[-PLACES:])
+                print(
+                    f"{name}: stumbled over {file}\n{places}{type(cause).__name__}: {cause}"[:5000]
+                )
                 return False
             files += len(tried)
     seconds = time.monotonic() - began_s
@@ -88,13 +93,16 @@ def _round(target: Target, place: Path, tried: list[bytes]) -> None:
         print_blob=False,
         suppress_health_check=list(HealthCheck),
     )
-    @given(st.sampled_from(seeds).flatmap(lambda content: target.changed(content, seeds)))
+    @given(st.integers(0, len(seeds) - 1).flatmap(lambda k: target.changed(seeds[k], seeds)))
     def survives(content: bytes) -> None:
         tried.append(content)
         began_s = time.monotonic()
-        survive(target, place, content)
+        try:
+            survive(target, place, content)
+        except Exception as error:
+            raise StumbledError from error
         if time.monotonic() - began_s > SLOW_S:
-            raise TookTooLongError
+            raise StumbledError(f"took longer than {SLOW_S:g} s")
 
     survives()
 

@@ -87,7 +87,7 @@ def parse_layer(text: str, source: str) -> Layer:
             values = None if root is None else loader.construct_document(root)
         finally:
             loader.dispose()
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         where = f"{source}:{mark.line + 1}" if mark else source
         reason = getattr(error, "problem", None) or str(error)

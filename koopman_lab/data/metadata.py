@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from koopman_lab.array_file import LARGEST_MAGNITUDE
 from koopman_lab.data.session_account import SessionAccount
-from koopman_lab.json_file import JsonTable
+from koopman_lab.json_file import JsonTable, PartsOrNothing
 
 LONGEST_DT_S = 3600.0
 SamplingTime = Annotated[float, Field(gt=0.0, le=LONGEST_DT_S)]
@@ -54,7 +54,7 @@ class Origin(JsonTable):
     sha256: str
 
 
-class Metadata(JsonTable):
+class Metadata(PartsOrNothing):
     """What a model keeps of the metadata of its data set, and reads."""
 
     marker: Marker | None = None

@@ -16,7 +16,7 @@ from pydantic import ConfigDict
 from koopman_lab.array_file import read_array_file, write_array_file
 from koopman_lab.data.metadata import Metadata, SamplingTime
 from koopman_lab.errors import ModelError
-from koopman_lab.json_file import JsonTable, Refusal, checked_table
+from koopman_lab.json_file import JsonTable, PartsOrNothing, Refusal, checked_table
 
 FORMAT = 2
 """Version of the model file; raised when its meaning changes."""
@@ -48,7 +48,7 @@ class Verdicts(JsonTable):
     sources: Sequence[dict[str, StoredVerdict]] = ()
 
 
-class ModelMetadata(JsonTable):
+class ModelMetadata(PartsOrNothing):
     """What of the metadata of a model is read."""
 
     data: Metadata | None = None

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from klab import klab
 
 from koopman_lab.config.load import load_config
 from koopman_lab.data.decode import SessionLog
@@ -14,7 +15,6 @@ from koopman_lab.errors import LogError
 from koopman_lab.eventlog.logwriter import RotatingLogWriter, files_of_log
 from koopman_lab.eventlog.seal import changes
 from offboard.lab.run_folder import RunFolder
-from tests.support.klab import klab
 
 PARK = Path(__file__).parents[1] / "data" / "reference" / "park.lcm"
 

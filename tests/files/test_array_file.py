@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ideal_data import ideal_dataset
 
 from koopman_lab.array_file import ArrayRow, checked_arrays, read_array_file
 from koopman_lab.data.dataset import DataSet
@@ -17,7 +18,6 @@ from koopman_lab.files import open_file
 from koopman_lab.json_file import Refusal
 from koopman_lab.koopman.model_file import read_model_file
 from koopman_lab.predictors.table import load_model
-from tests.support.ideal_data import ideal_dataset
 
 MODEL = Path(__file__).parents[1] / "data" / "reference" / "model.npz"
 
@@ -130,6 +130,8 @@ MODEL_DAMAGES = {
                        "remove_marker_offset", "1"),
     "radius text": (header_with("metadata.data.robot.wheel_radius_m", "x"), "wheel_radius_m"),
     "radius zero": (header_with("metadata.data.robot.wheel_radius_m", 0.0), "wheel_radius_m"),
+    "data null": (header_with("metadata.data", None), "metadata", "data is null"),
+    "marker null": (header_with("metadata.data.marker", None), "metadata.data", "marker is null"),
     "verdict text": (header_with("metadata.verdict", "good"), "metadata.verdict", "'good'"),
     "sources a table": (header_with("metadata.verdict.sources", {}), "verdict.sources", "{}"),
     "reasons": (header_with("metadata.verdict.sources",

@@ -7,11 +7,11 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from ideal_data import ideal_dataset
+from klab import KLAB, environment, klab
 
 from koopman_lab.errors import DiskError, LabError
 from koopman_lab.files import replacing, replacing_folder, write_json
-from tests.support.ideal_data import ideal_dataset
-from tests.support.klab import KLAB, environment, klab
 
 DATA = Path(__file__).parents[1] / "data" / "reference"
 LOG, MODEL, PARK = (str(DATA / name) for name in ("calibration.lcm", "model.npz", "park.lcm"))

@@ -5,13 +5,13 @@ import re
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from klab import klab
 
 import lcmtypes
 from koopman_lab.data.export import export_csv, export_mcap
 from koopman_lab.eventlog.eventlog import read_events
 from koopman_lab.eventlog.logwriter import EventLogWriter
 from koopman_lab.files import LONGEST_NAME, file_name
-from tests.support.klab import klab
 
 TEXTS = st.text() | st.text("./\\\0\nAa%-~ ", max_size=80)
 

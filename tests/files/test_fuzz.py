@@ -1,11 +1,11 @@
 """No file makes a reader stumble: a short run of every target of `scripts/fuzz`, and its corpus."""
 
 import pytest
+from fuzzing.targets import CORPUS, TARGETS, survive
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from koopman_lab.errors import LabError
-from tests.support.fuzz_targets import CORPUS, TARGETS, survive
 
 EXAMPLES = 40
 

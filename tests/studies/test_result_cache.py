@@ -5,13 +5,13 @@ import json
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from ideal_data import ideal_dataset
 
 from koopman_lab.errors import ModelError
 from koopman_lab.koopman.bilinear_model import BilinearModel
 from koopman_lab.studies import trained_models
 from koopman_lab.studies.result_cache import line_of, whole_rows
 from koopman_lab.studies.trained_models import Recipe, trained
-from tests.support.ideal_data import ideal_dataset
 
 ROWS = [{"case": f"c{k % 2}", "index": k, "x2_m": 0.1 * k, "reason": None} for k in range(6)]
 KEYS = set(ROWS[0])

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest import mock
 
+from fuzzing.mutations import changed_bytes, changed_json, changed_lines, changed_npz
+
 import lcmtypes
 from koopman_lab.bus.channels import CHANNELS, SESSION_INFO
 from koopman_lab.bus.header import header_reader
@@ -38,9 +40,8 @@ from offboard.desk.results import CalibrationOutcome
 from offboard.lab.process_notes import broken_labs, running_commands
 from offboard.lab.session_runner import read_outcome
 from offboard.reproduction.step_runner import MARKER, Step, finished
-from tests.support.fuzz_mutations import changed_bytes, changed_json, changed_lines, changed_npz
 
-CORPUS = Path(__file__).parents[1] / "fuzz_corpus"
+CORPUS = Path(__file__).parents[2] / "fuzz_corpus"
 URL = "udpm://239.255.76.67:7667?ttl=0"
 
 

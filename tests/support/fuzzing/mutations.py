@@ -125,8 +125,11 @@ def changed_npz(draw, content, others=()):
         elif kind == 2 and arrays[name].size and arrays[name].dtype.kind in "fi":
             array = arrays[name].copy()
             place = draw(st.integers(0, array.size - 1))
-            numbers = [0, 1, -1, 1e9, -1e9] + [np.nan, np.inf, 1e300] * (array.dtype.kind == "f")
-            array.flat[place] = draw(st.sampled_from(numbers))
+            largest = np.finfo if array.dtype.kind == "f" else np.iinfo
+            numbers = [0, 1, -1, largest(array.dtype).max, largest(array.dtype).min]
+            array.flat[place] = draw(
+                st.sampled_from(numbers + [np.nan, np.inf] * (largest is np.finfo))
+            )
             arrays[name] = array
         else:
             arrays[draw(st.sampled_from(["X_1", "Y_1", "matrices", "other"]))] = arrays[name]
