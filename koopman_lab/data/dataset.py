@@ -33,9 +33,7 @@ FORMAT = 1
 _REMEDY = "`klab dataset make SESSION` makes one"
 _TABLES = ("X", "Y", "segments", "start_us", "basis_inputs")
 MOST_BASIS_INPUTS = 256
-MOST_RUNS = 1 << 31
-LAST_US = 253_402_300_799_000_000
-"""The end of the year 9999, the last that Python can name."""
+ANY_INT64 = {"smallest": -(2.0**63), "largest": 2.0**63}
 
 
 class _Header(JsonTable):
@@ -253,6 +251,6 @@ def _rows(indices: Sequence[int], robot: RobotType) -> Iterator[ArrayRow]:
         pairs = f"pairs of basis input {i}"
         yield ArrayRow(f"X_{i}", "real", (pairs, n))
         yield ArrayRow(f"Y_{i}", "real", (pairs, n))
-        yield ArrayRow(f"segments_{i}", "whole", (pairs,), smallest=0, largest=MOST_RUNS)
-        yield ArrayRow(f"start_us_{i}", "whole", (pairs,), smallest=0, largest=LAST_US)
+        yield ArrayRow(f"segments_{i}", "whole", (pairs,), **ANY_INT64)
+        yield ArrayRow(f"start_us_{i}", "whole", (pairs,), **ANY_INT64)
         yield ArrayRow(f"basis_inputs_{i}", "real", (m,))

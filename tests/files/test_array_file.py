@@ -166,8 +166,6 @@ DATA_DAMAGES = {
     "one pair less": (array_with("Y_2", lambda y: y[1:]), "Y_2", "shape"),
     "one state less": (array_with("X_1", lambda x: x[:, 1:]), "X_1", "3)"),
     "of real numbers": (array_with("segments_1", lambda s: s + 0.5), "segments_1", "float64"),
-    "before the epoch": (array_with("start_us_1", lambda t: with_value(t, 0, -1)), "start_us_1"),
-    "after all years": (array_with("start_us_1", lambda t: with_value(t, 0, 2**62)), "start_us_1"),
     "basis input too short": (array_with("basis_inputs_1", lambda u: u[:1]), "basis_inputs_1"),
     "no successor": (without("Y_1"), "Y_1", "no such entry"),
     "index text": (header_with("indices", ["1", "2"]), "indices.0", "'1'"),

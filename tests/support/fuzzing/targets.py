@@ -31,6 +31,7 @@ from koopman_lab.eventlog.message_blocks import Messages
 from koopman_lab.eventlog.older_layouts import in_present_layout
 from koopman_lab.eventlog.seal import changes
 from koopman_lab.files import CACHE_VARIABLE
+from koopman_lab.koopman.trainer import train
 from koopman_lab.mpc import compiled
 from koopman_lab.predictors.table import load_model
 from koopman_lab.replay.rotated_log import read_rotated_log
@@ -136,6 +137,17 @@ def columns(place, content):
     read_folder(folder, "kinematic", 0.05)
 
 
+def pairs(place, content):
+    folder = place / "pairs"
+    if not folder.exists():
+        shutil.copytree(CORPUS / "columns-of-others", folder)
+    (folder / "pairs_1.dat").write_bytes(content)
+    dataset = read_folder(folder, "kinematic", 0.05)
+    with contextlib.suppress(LabError):
+        train(dataset, "D5t")
+    describe(dataset, "D5t")
+
+
 def published_header(place, content):
     folder = place / "published"
     if not folder.exists():
@@ -202,6 +214,7 @@ TARGETS = {
     "model": Target(model, changed_npz, "model"),
     "data-set": Target(data_set, changed_npz, "data-set"),
     "columns": Target(columns, changed_lines, "columns"),
+    "pairs": Target(pairs, changed_lines, "pairs"),
     "published-header": Target(published_header, changed_json, "published-header"),
     "summary": Target(summary, changed_json, "summary"),
     "outcome": Target(outcome, changed_json, "outcome"),
