@@ -69,7 +69,8 @@ class Refusal(NamedTuple):
 
     def entry(self, name: str, expected: str, seen: str) -> LabError:
         """Return what to raise where an entry is not as expected."""
-        return self.because(f"{name}: expected {expected}, found {seen}")
+        shown = shortened(name if name.isprintable() else ascii(name))
+        return self.because(f"{shown}: expected {expected}, found {seen}")
 
 
 def read_table(refusal: Refusal, expected: type[T]) -> T:

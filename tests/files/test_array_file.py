@@ -259,6 +259,14 @@ def test_an_archive_that_unpacks_to_too_much_is_refused_before_it_is_unpacked(tm
         tracemalloc.stop()
 
 
+def test_names_of_entries_are_shown_as_a_terminal_may_show_them(tmp_path):
+    path = tmp_path / "model.npz"
+    zipped(path, {"\x1b[2J\n" + "x" * 5000: b"text"})
+    refused(ModelError, read_model_file, path, "magic")
+    zipped(path, {"\x1b[2J\n" + "x" * 5000: npy(np.array([np.nan]))})
+    refused(ModelError, read_model_file, path, r"\x1b[2J\nxxx", "finite numbers")
+
+
 def test_many_entries_two_of_a_name_and_a_wrong_checksum_are_refused(tmp_path):
     path = tmp_path / "model.npz"
     zipped(path, {f"{i}.npy": b"" for i in range(5000)})
