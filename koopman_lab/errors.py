@@ -38,3 +38,17 @@ class LabStateError(LabError):
 
 class PluginError(LabError):
     """A row that another package adds to a table cannot be used."""
+
+
+class DiskError(LabError, OSError):
+    """What is written cannot be: the disk is full or read-only, or the folder another's.
+
+    It is an OSError too, made of ``errno``, ``strerror`` and ``filename``, so that whoever knows a
+    better next step can say it instead.
+    """
+
+    def __str__(self) -> str:
+        return (
+            f"{self.filename}: cannot be written ({self.strerror}); make room on the disk, or "
+            "choose another place"
+        )

@@ -64,13 +64,12 @@ def load_tick_times(path: Path) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     LogError
         If the file is missing or damaged.
     """
-    import numpy as np
+    from koopman_lab.array_file import ArrayRow, read_array
+    from koopman_lab.json_file import Refusal
 
-    try:
-        times: np.ndarray[tuple[int], np.dtype[np.int64]] = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError):
-        raise LogError(f"{path}: missing or damaged; the process did not end in order") from None
-    return times
+    refusal = Refusal(path, "tick times", "the process did not end in order", LogError)
+    largest = float(2**63)
+    return read_array(refusal, ArrayRow("times", "whole", ("ticks",), -largest, largest))
 
 
 def pacing(times_us: ArrayLike, rate_hz: float) -> Pacing:

@@ -7,21 +7,24 @@ made also says robot, sampling time, and the run and time of each pair; others n
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from koopman_lab.array_file import LARGEST_MAGNITUDE
 from koopman_lab.config.load import load_config
 from koopman_lab.data.dataset import DataSet
+from koopman_lab.data.metadata import DataSetMetadata, SamplingTime
 from koopman_lab.data.number_table import read_number_table
 from koopman_lab.errors import ConfigError, DataError
 from koopman_lab.files import replacing, replacing_folder, write_json
 from koopman_lab.geometry.planar import TAU, wrap_angle
+from koopman_lab.json_file import JsonTable, Refusal, read_table
 from koopman_lab.robots.table import ROBOTS, robot_type
 
 Array = NDArray[np.float64]
@@ -29,6 +32,8 @@ HEADER = "dataset.json"
 EXACT, INTEGER = "%.17g", "%d"
 """Formats that lose no bit."""
 _NAME = re.compile(r"([XY])_(\d+)\.dat")
+_INDEX = re.compile(r"\d{1,3}")
+BasisInput = Annotated[float, Field(ge=-LARGEST_MAGNITUDE, le=LARGEST_MAGNITUDE)]
 
 
 def is_folder(path: Path) -> bool:
@@ -142,20 +147,37 @@ def _write(path: Path, rows: NDArray[Any], numbers: str) -> None:
         np.savetxt(file, rows, fmt=numbers)
 
 
+class _Header(JsonTable):
+    """What ``dataset.json`` says."""
+
+    robot_kind: str
+    dt_s: SamplingTime
+    basis_inputs: dict[str, tuple[BasisInput, ...]]
+    metadata: DataSetMetadata
+
+
 def _header(folder: Path) -> dict[str, Any]:
     path = folder / HEADER
     if not path.exists():
         return {}
+    remedy = "remove it, and say --robot and --dt instead"
+    refusal = Refusal(path, "the header of a data set", remedy, DataError)
+    header = read_table(refusal, _Header)
     try:
-        header = json.loads(path.read_text())
-        inputs = {int(i): tuple(map(float, u)) for i, u in header["basis_inputs"].items()}
-        robot_type(header["robot_kind"])
-        content = {"dt_s": float(header["dt_s"]), "metadata": dict(header["metadata"])}
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
-        raise DataError(f"{path}: damaged; remove it, and say --robot and --dt instead") from None
+        input_dim = robot_type(header.robot_kind).input_dim
     except ConfigError as error:
         raise DataError(f"{path}: {error}") from None
-    return content | {"robot_kind": header["robot_kind"], "basis_inputs": inputs}
+    for index, u in header.basis_inputs.items():
+        if not _INDEX.fullmatch(index) or len(u) != input_dim:
+            raise refusal.entry(
+                f"basis_inputs.{index}", f"{input_dim} numbers under an index", str(u)
+            )
+    return {
+        "robot_kind": header.robot_kind,
+        "dt_s": header.dt_s,
+        "basis_inputs": {int(i): u for i, u in header.basis_inputs.items()},
+        "metadata": header.metadata.model_dump(exclude_unset=True, mode="json"),
+    }
 
 
 def _inputs(

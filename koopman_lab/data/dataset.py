@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import hashlib
-import json
-import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from koopman_lab.array_file import (
+    ArrayRow,
+    checked_arrays,
+    read_array_file,
+    write_array_file,
+)
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.collect import collect
 from koopman_lab.data.decode import SessionLog
+from koopman_lab.data.metadata import DataSetMetadata, SamplingTime
 from koopman_lab.data.recording import recording
 from koopman_lab.errors import ConfigError, DataError
-from koopman_lab.files import replacing
+from koopman_lab.json_file import JsonTable, Refusal, checked_table
 from koopman_lab.robots.robot_type import RobotType
 from koopman_lab.robots.table import robot_type
 
@@ -26,6 +32,18 @@ FORMAT = 1
 """Version of the file; raised when its meaning changes."""
 _REMEDY = "`klab dataset make SESSION` makes one"
 _TABLES = ("X", "Y", "segments", "start_us", "basis_inputs")
+MOST_BASIS_INPUTS = 256
+ANY_INT64 = {"smallest": -(2.0**63), "largest": 2.0**63}
+
+
+class _Header(JsonTable):
+    """What the header of a data set's file says."""
+
+    format: int
+    dt_s: SamplingTime
+    robot_kind: str
+    indices: Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=MOST_BASIS_INPUTS)]
+    metadata: DataSetMetadata
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,14 +129,12 @@ class DataSet:
             "indices": sorted(self.basis_inputs),
             "metadata": dict(self.metadata),
         }
-        text = json.dumps(header, sort_keys=True).encode()
         arrays: dict[str, Any] = {
             f"{name}_{index}": array
             for name, table in self._tables()
             for index, array in sorted(table.items())
         }
-        with replacing(path) as file:
-            np.savez(file, header=np.frombuffer(text, np.uint8), **arrays)
+        write_array_file(path, header, arrays)
 
     @classmethod
     def load(cls, path: Path) -> DataSet:
@@ -129,30 +145,30 @@ class DataSet:
         DataError
             If the file is missing, damaged, no data set, or of another version.
         """
+        refusal = Refusal(path, "a data set", _REMEDY, DataError)
+        header, arrays = read_array_file(refusal)
+        if "matrices" in arrays:
+            raise refusal.because("a model, whose formats are others")
+        version = header.get("format")
+        if type(version) is int and version != FORMAT:
+            raise DataError(
+                f"{path}: data set of format {version}, this version reads {FORMAT}; make it again "
+                "from its session"
+            )
+        checked = checked_table(refusal, header, _Header)
         try:
-            # Opened here because numpy leaves a damaged archive open.
-            with path.open("rb") as archive, np.load(archive, allow_pickle=False) as file:
-                header = json.loads(bytes(file["header"]))
-                if "matrices" in file:
-                    raise ValueError("a model, whose formats are others")
-                if header["format"] != FORMAT:
-                    raise DataError(
-                        f"{path}: data set of format {header['format']}, this version reads "
-                        f"{FORMAT}; make it again from its session"
-                    )
-                content: dict[str, Any] = {
-                    name: {index: file[f"{name}_{index}"] for index in header["indices"]}
-                    for name in _TABLES
-                }
-                content |= {name: header[name] for name in ("dt_s", "robot_kind", "metadata")}
-        except FileNotFoundError:
-            raise DataError(f"{path}: no such data set; {_REMEDY}") from None
-        except _DAMAGED:
-            raise DataError(f"{path}: damaged, or not a data set; {_REMEDY}") from None
-        try:
-            return cls(**content)
+            robot = robot_type(checked.robot_kind)
         except ConfigError as error:
             raise DataError(f"{path}: {error}") from None
+        content = checked_arrays(refusal, arrays, _rows(checked.indices, robot))
+        tables: dict[str, Any] = {
+            name: {index: content[f"{name}_{index}"] for index in checked.indices}
+            for name in _TABLES
+        }
+        metadata = header["metadata"]
+        if checked.metadata.session is not None:
+            metadata |= {"session": checked.metadata.session.as_dict()}
+        return cls(**tables, dt_s=checked.dt_s, robot_kind=checked.robot_kind, metadata=metadata)
 
     @classmethod
     def from_log(
@@ -228,5 +244,13 @@ class DataSet:
         return [(name, getattr(self, name)) for name in _TABLES]
 
 
-# What numpy raises for files that are no archive, a cut archive, or an archive of something else.
-_DAMAGED = (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile)
+def _rows(indices: Sequence[int], robot: RobotType) -> Iterator[ArrayRow]:
+    """Give what a file holds by basis index."""
+    n, m = robot.state_dim, robot.input_dim
+    for i in indices:
+        pairs = f"pairs of basis input {i}"
+        yield ArrayRow(f"X_{i}", "real", (pairs, n))
+        yield ArrayRow(f"Y_{i}", "real", (pairs, n))
+        yield ArrayRow(f"segments_{i}", "whole", (pairs,), **ANY_INT64)
+        yield ArrayRow(f"start_us_{i}", "whole", (pairs,), **ANY_INT64)
+        yield ArrayRow(f"basis_inputs_{i}", "real", (m,))

@@ -16,7 +16,7 @@ from koopman_lab.bus.channels import split_name
 from koopman_lab.bus.message_values import flat_columns, json_schema, plain_values
 from koopman_lab.errors import BusError, LogError
 from koopman_lab.eventlog.eventlog import Event
-from koopman_lab.files import replacing, replacing_folder
+from koopman_lab.files import file_name, replacing, replacing_folder
 from koopman_lab.installation import require
 
 ARRIVAL = "arrival_us"
@@ -52,6 +52,9 @@ class _Decoded(NamedTuple):
 def export_csv(events: Iterable[Event], folder: Path) -> Exported:
     """Write a folder with a file ``CHANNEL.csv`` each, whole or not at all.
 
+    What is no letter, digit or one of ``_.-~`` in a channel's name is in hexadecimal in that of its
+    file (:func:`~koopman_lab.files.file_name`).
+
     Raises
     ------
     OSError
@@ -69,12 +72,15 @@ def export_csv(events: Iterable[Event], folder: Path) -> Exported:
         rows.append(row)
     _require_any(written)
     with replacing_folder(folder) as temporary:
+        taken: set[str] = set()
         for name, (columns, rows) in tables.items():
             text = io.StringIO()
             writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
             writer.writeheader()
             writer.writerows(rows)
-            (temporary / f"{name}.csv").write_text(text.getvalue())
+            stem = file_name(name, taken)  # anybody on the bus can name a channel
+            taken.add(stem.lower())
+            (temporary / f"{stem}.csv").write_text(text.getvalue())
     return written
 
 

@@ -3,6 +3,9 @@
 An event is a sync word, event number, time of arrival, length of the channel name, length of the
 data (all big-endian), then the name and the data. The files are those of lcm-logger and
 lcm-logplayer.
+
+A log may be anybody's: its lengths are held against the file, and no work or memory grows faster
+than the file does.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from koopman_lab.errors import LogError
+from koopman_lab.files import open_file
 from koopman_lab.units import US_PER_S
 
 SYNC_WORD = 0xEDA1DA01
@@ -23,6 +27,9 @@ _BEGINNING = struct.Struct(">IQ")
 """Sync word and number, which two's complement packs alike with and without sign."""
 LONGEST_NAME = 63
 """LCM refuses longer channel names."""
+MOST_SEARCHES = 32
+"""How often a log may be searched from end to end to salvage it; one that was cut, overwritten or
+lost sectors needs a few."""
 _SYNC_BYTES = SYNC_WORD.to_bytes(4, "big")
 
 
@@ -115,11 +122,14 @@ def load_log(path: Path | str) -> bytes:
         If there is no such file or it is empty or holds no event at all.
     """
     try:
-        log = Path(path).read_bytes()
+        with open_file(Path(path)) as file:
+            log = file.read()
     except FileNotFoundError:
         raise LogError(f"{path}: no such log; give the session folder or its session.lcm") from None
     except OSError as error:
         raise LogError(f"{path}: cannot be read as a log: {error.strerror}") from None
+    except MemoryError:
+        raise LogError(f"{path}: is larger than the memory that is free here") from None
     if not log:
         raise LogError(f"{path}: the log is empty; record the session again")
     if _SYNC_BYTES not in log:
@@ -144,7 +154,7 @@ def scan(
     salvage, damage
         As for :func:`read_events`.
     """
-    position, events = 0, 0
+    position, events, searched = 0, 0, 0
     last_us: int | None = None
     length = len(log)
     while position < length:
@@ -153,9 +163,15 @@ def scan(
             yield frame
             position, events, last_us = frame.stop, events + 1, frame.timestamp_us
             continue
+        searched += frame.stop - frame.begin if frame else 0
+        if searched > MOST_SEARCHES * length:
+            raise LogError(
+                f"{path}: damaged throughout, as no accident leaves it: event headers within event "
+                f"headers at byte {position} of {length}; record the session again"
+            )
         following = _next_frame(log, position)
         end = following.begin if following else length
-        if frame is not None and _is_intact(frame, following, end):
+        if frame is not None and _is_plain(log, frame) and _is_intact(frame, following, end):
             yield frame
             position, events, last_us = frame.stop, events + 1, frame.timestamp_us
         if not salvage:
@@ -187,12 +203,20 @@ def _frame_at(log: bytes, begin: int) -> Frame | None:
 
 @lru_cache(maxsize=4096)
 def channel_name(name: bytes) -> str:
-    """Return the channel, or an empty string if this is no name."""
-    try:
-        text = name.decode()
-    except UnicodeDecodeError:
-        return ""
-    return text if text.isprintable() else ""
+    r"""Return the channel, or an empty string if LCM cannot carry this name.
+
+    Bytes that are no text are written as Python does, as ``\xdc``. Whoever shows a name to a person
+    sees to what does not show.
+    """
+    return "" if b"\0" in name else name.decode(errors="backslashreplace")
+
+
+def _is_plain(log: bytes, frame: Frame) -> bool:
+    """Return whether the name is one that people give; in damaged bytes no other is believed."""
+    return (
+        frame.channel.isprintable()
+        and frame.channel.encode() == log[frame.begin + HEADER.size : frame.start]
+    )
 
 
 def _is_followed(log: bytes, frame: Frame) -> bool:
@@ -212,7 +236,7 @@ def _next_frame(log: bytes, position: int) -> Frame | None:
     begin = log.find(_SYNC_BYTES, position + 1)
     while begin >= 0:
         frame = _frame_at(log, begin)
-        if frame is not None:
+        if frame is not None and _is_plain(log, frame):
             return frame
         begin = log.find(_SYNC_BYTES, begin + 1)
     return None

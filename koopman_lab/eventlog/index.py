@@ -106,7 +106,9 @@ def index_log(
 def _index_unbroken(log: bytes) -> dict[str, Messages] | None:
     """Return the messages if events follow each other from the first byte to the last."""
     begins = _sync_words(log)
-    if not len(begins) or begins[0] != 0:
+    # More than events can be: what is kept of each would take more memory than the log.
+    too_many = len(begins) > len(log) // 8 + _CHUNK // 8
+    if too_many or not len(begins) or begins[0] != 0:
         return None
     headers = bytes_at(log, begins, _HEADER.itemsize).view(_HEADER)
     sizes = headers["name"].astype(np.int64)
@@ -138,13 +140,11 @@ def _sync_words(log: bytes) -> Indices:
     """Return every byte offset at which a sync word stands with room for a header behind it."""
     octets = np.frombuffer(log, np.uint8)[: max(len(log) - _HEADER.itemsize + 1, 0)]
     first = SYNC_WORD >> 24
-    places = [
-        chunk + np.flatnonzero(octets[chunk : chunk + _CHUNK] == first)
-        for chunk in range(0, len(octets), _CHUNK)
-    ]
-    candidates = np.concatenate([np.zeros(0, np.int64), *places])
-    offsets: Indices = candidates[bytes_at(log, candidates, 4).view(">u4") == SYNC_WORD]
-    return offsets
+    places = [np.zeros(0, np.int64)]
+    for chunk in range(0, len(octets), _CHUNK):
+        candidates = chunk + np.flatnonzero(octets[chunk : chunk + _CHUNK] == first)
+        places.append(candidates[bytes_at(log, candidates, 4).view(">u4") == SYNC_WORD])
+    return np.concatenate(places)
 
 
 def _chain(begins: Indices, stops: Indices, length: int) -> list[int] | None:

@@ -1,4 +1,4 @@
-"""Where the log of a session is."""
+"""Where the log of a session is, and the summary that seals it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from pathlib import Path
 
 LOG_NAME = "session.lcm"
 """The log of a session folder."""
+SUMMARY_NAME = "summary.json"
+"""What a finished session has come to."""
 
 
 def log_file(path: Path) -> Path:

@@ -7,11 +7,13 @@ were written: ``session.lcm``, ``session-0001.lcm``, and so on; each is a log of
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 from types import TracebackType
 
 from koopman_lab.errors import LogError
 from koopman_lab.eventlog.eventlog import HEADER, LONGEST_NAME, SYNC_WORD
+from koopman_lab.files import open_file, replacing
 
 BUFFER_BYTES = 1 << 16
 
@@ -117,6 +119,27 @@ class EventLogWriter:
         except OSError as error:
             raise self._write_error(error) from None
 
+    def check(self) -> None:
+        """See whether what was written is still where it should be.
+
+        Where the file was deleted, what it held is written there once more.
+
+        Raises
+        ------
+        LogError
+            If it was deleted, moved, replaced, cut, or written by others.
+        """
+        ours = os.fstat(self._file.fileno())
+        try:
+            there = self._path.stat()
+        except OSError as error:
+            lost = f"is gone ({error.strerror})"
+            raise self._vanished(lost if ours.st_nlink else f"{lost}{self._rescued()}") from None
+        if (there.st_dev, there.st_ino) != (ours.st_dev, ours.st_ino):
+            raise self._vanished("is another file now")
+        if there.st_size != self._on_disk:
+            raise self._vanished(f"has {there.st_size} bytes instead of {self._on_disk}")
+
     def close(self) -> None:
         """Write everything to the disk and close the file; a second call does nothing.
 
@@ -140,6 +163,25 @@ class EventLogWriter:
         traceback: TracebackType | None,
     ) -> None:
         self.close()
+
+    def _rescued(self) -> str:
+        """Write once more what a deleted file holds, as long as it is open; return what came of it.
+
+        Not every system lets a process do so.
+        """
+        try:
+            held = Path(f"/proc/self/fd/{self._file.fileno()}")
+            with open_file(held) as old, replacing(self._path) as again:
+                shutil.copyfileobj(old, again)
+        except OSError as error:
+            return f", and what it held could not be written once more ({error.strerror})"
+        return ", and what it held was written once more"
+
+    def _vanished(self, how: str) -> LogError:
+        return LogError(
+            f"{self._path}: {how}, while a session is recorded in it; let nobody touch the folder "
+            "of a session that runs, and record it again"
+        )
 
     def _write_error(self, error: OSError) -> LogError:
         return LogError(
@@ -170,6 +212,7 @@ class RotatingLogWriter:
         self._path = path
         self._largest_bytes = largest_bytes
         self._part = len(files_of_log(path)) if resume else 0
+        self._finished: dict[Path, int] = {}
         self._file = EventLogWriter(numbered_file(path, self._part))
 
     def write(self, channel: str, data: bytes, timestamp_us: int) -> int:
@@ -177,6 +220,7 @@ class RotatingLogWriter:
         written = self._file.write(channel, data, timestamp_us)
         if self._file.size >= self._largest_bytes:
             self._file.close()
+            self._finished[numbered_file(self._path, self._part)] = self._file.size
             self._part += 1
             self._file = EventLogWriter(numbered_file(self._path, self._part))
         return written
@@ -184,6 +228,24 @@ class RotatingLogWriter:
     def flush(self) -> None:
         """See :meth:`EventLogWriter.flush`."""
         self._file.flush()
+
+    def check(self) -> None:
+        """See :meth:`EventLogWriter.check`; earlier files must be there, too.
+
+        Raises
+        ------
+        LogError
+            If one is not as it was written.
+        """
+        for path, size in self._finished.items():
+            present = path.stat().st_size if path.exists() else "no"
+            if present != size:
+                raise LogError(
+                    f"{path}: has {present} bytes instead of {size}, while its session goes on in "
+                    "a next file; let nobody touch the folder of a session that runs, and record "
+                    "it again"
+                )
+        self._file.check()
 
     def sync(self) -> None:
         """See :meth:`EventLogWriter.sync`."""

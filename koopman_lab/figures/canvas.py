@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -22,5 +23,8 @@ def new_figure(width: float, height: float) -> Figure:
 def save(figure: Figure, stem: Path) -> None:
     """Write ``stem.pdf`` and ``stem.png``."""
     for ending in ("pdf", "png"):
+        # In memory first: where the disk is full, a back end stumbles over its own cleaning up.
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format=ending, dpi=DPI)
         with replacing(stem.with_suffix(f".{ending}")) as file:
-            figure.savefig(file, format=ending, dpi=DPI)
+            file.write(drawn.getbuffer())

@@ -9,13 +9,24 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from koopman_lab.array_file import ArrayRow, checked_arrays
 from koopman_lab.errors import LabError, ModelError
+from koopman_lab.json_file import checked_table
 from koopman_lab.koopman.combination import PAPER, Combination
 from koopman_lab.koopman.dictionary import DICTIONARIES, Dictionary, dictionary, from_expressions
-from koopman_lab.koopman.model_file import EDMD, ModelFile
+from koopman_lab.koopman.model_file import EDMD, ModelFile, ModelHeader
 from koopman_lab.robots.table import robot_type
 
 Array = NDArray[np.float64]
+
+
+class BilinearHeader(ModelHeader):
+    """What the header of a bilinear model's file says."""
+
+    dictionary: str
+    observables: list[str]
+    expressions: list[str] | None = None
+    combination: str = PAPER
 
 
 class BilinearContent(NamedTuple):
@@ -41,12 +52,7 @@ def content_of(file: ModelFile) -> BilinearContent:
     path, header = file.path, file.header
     if header["predictor"] != EDMD:
         raise ModelError(f"{path}: a model of the predictor {header['predictor']!r}, not {EDMD}")
-    try:
-        names = header["observables"]
-        matrices, basis_inputs = file.arrays["matrices"], file.arrays["basis_inputs"]
-        _ = header["dictionary"]
-    except KeyError:
-        raise file.damaged from None
+    checked_table(file.refusal, header, BilinearHeader)
     combination = header.get("combination", PAPER)
     try:
         robot_type(header["robot"])
@@ -54,20 +60,34 @@ def content_of(file: ModelFile) -> BilinearContent:
         raise ModelError(f"{path}: {error}") from None
     observables = _stated_dictionary(path, header)
     size = observables.size
-    if list(observables.names) != names or matrices.shape != (
-        *(observables.robot.input_dim + 1, size, size),
-    ):
+    if list(observables.names) != header["observables"]:
         raise ModelError(
             f"{path}: its observables are not those of {observables.name} here; train it "
             "again from its session"
         )
+    inputs = observables.robot.input_dim
+    arrays = checked_arrays(
+        file.refusal,
+        file.arrays,
+        [
+            ArrayRow("matrices", "real", (inputs + 1, size, size)),
+            ArrayRow("basis_inputs", "real", (inputs + 1, inputs)),
+        ],
+    )
     if combination not in get_args(Combination):
         raise ModelError(
             f"{path}: combination {combination!r} of inputs is not known here; expected "
             f"{' or '.join(get_args(Combination))}; train it again from its session"
         )
     dt_s, metadata = header["dt_s"], header["metadata"]
-    return BilinearContent(observables, matrices, basis_inputs, dt_s, metadata, combination)
+    return BilinearContent(
+        observables,
+        arrays["matrices"],
+        arrays["basis_inputs"],
+        dt_s,
+        metadata,
+        combination,
+    )
 
 
 def _stated_dictionary(path: Path, header: Mapping[str, Any]) -> Dictionary:

@@ -6,17 +6,17 @@ the model comes from; whatever else it holds, and all arrays, are the predictor'
 
 from __future__ import annotations
 
-import json
-import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict
 
+from koopman_lab.array_file import read_array_file, write_array_file
+from koopman_lab.data.metadata import Metadata, SamplingTime
 from koopman_lab.errors import ModelError
-from koopman_lab.files import replacing
+from koopman_lab.json_file import JsonTable, PartsOrNothing, Refusal, checked_table
 
 FORMAT = 2
 """Version of the model file; raised when its meaning changes."""
@@ -24,7 +24,45 @@ READABLE = (1, 2)
 """Format 1 has no expressions and no combination, which was the paper's."""
 EDMD = "edmd"
 """The predictor of files that say none."""
-REQUIRED = ("format", "robot", "dt_s", "metadata")
+
+
+class StoredReason(JsonTable):
+    """See :class:`koopman_lab.evaluation.plausibility.Reason`."""
+
+    level: str
+    text: str
+
+
+class StoredVerdict(JsonTable):
+    """See :class:`koopman_lab.evaluation.plausibility.Verdict`; its figures are free."""
+
+    model_config = ConfigDict(allow_inf_nan=True)
+
+    level: str
+    reasons: list[StoredReason]
+
+
+class Verdicts(JsonTable):
+    """The verdicts that a model was trained with."""
+
+    sources: Sequence[dict[str, StoredVerdict]] = ()
+
+
+class ModelMetadata(PartsOrNothing):
+    """What of the metadata of a model is read."""
+
+    data: Metadata | None = None
+    verdict: Verdicts | None = None
+
+
+class ModelHeader(JsonTable):
+    """What the header of a model file says, whatever the predictor."""
+
+    format: int
+    predictor: str
+    robot: str
+    dt_s: SamplingTime
+    metadata: ModelMetadata
 
 
 class ModelFile(NamedTuple):
@@ -35,9 +73,10 @@ class ModelFile(NamedTuple):
     path
         Where the file is.
     header
-        JSON with ``format``, ``predictor``, ``robot``, ``dt_s`` and ``metadata`` at least.
+        JSON with ``format``, ``predictor``, ``robot``, ``dt_s`` and ``metadata`` at least; those
+        are of the types of :class:`ModelHeader`.
     arrays
-        Arrays by name.
+        Arrays by name, those of real numbers finite.
     """
 
     path: Path
@@ -45,14 +84,14 @@ class ModelFile(NamedTuple):
     arrays: dict[str, NDArray[Any]]
 
     @property
-    def damaged(self) -> ModelError:
-        """Return what to raise where something is missing in it."""
-        return damaged(self.path)
+    def refusal(self) -> Refusal:
+        """Return how it is refused where something in it is not as it should be."""
+        return refusal_of(self.path)
 
 
-def damaged(path: Path) -> ModelError:
-    """Return what to raise where a file is no model, or lacks something."""
-    return ModelError(f"{path}: damaged, or not a model; `klab train SESSION` makes one")
+def refusal_of(path: Path) -> Refusal:
+    """Return how a file that is no model is refused."""
+    return Refusal(path, "a model", "`klab train SESSION` makes one", ModelError)
 
 
 def read_model_file(path: Path) -> ModelFile:
@@ -63,22 +102,17 @@ def read_model_file(path: Path) -> ModelFile:
     ModelError
         If the file is missing, damaged, no model, or of another version.
     """
-    try:
-        # Opened here: np.load leaves a file open that it cannot make sense of.
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            header = json.loads(bytes(file["header"]))
-            arrays = {name: file[name] for name in file.files if name != "header"}
-            version, *_ = (header[key] for key in REQUIRED)
-    except FileNotFoundError:
-        raise ModelError(f"{path}: no such model; `klab train SESSION` makes one") from None
-    except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile):
-        raise damaged(path) from None
-    if version not in READABLE:
+    refusal = refusal_of(path)
+    header, arrays = read_array_file(refusal)
+    header = {"predictor": EDMD} | header
+    version = header.get("format")
+    if type(version) is int and version not in READABLE:
         raise ModelError(
             f"{path}: model file of format {version}, this version reads "
             f"{' and '.join(map(str, READABLE))}; train it again from its session"
         )
-    return ModelFile(path, {"predictor": EDMD} | header, arrays)
+    checked_table(refusal, header, ModelHeader)
+    return ModelFile(path, header, arrays)
 
 
 def write_model_file(path: Path, header: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
@@ -92,7 +126,10 @@ def write_model_file(path: Path, header: Mapping[str, Any], arrays: Mapping[str,
         JSON with ``predictor``, ``robot``, ``dt_s`` and ``metadata``.
     arrays
         Arrays by name.
+
+    Raises
+    ------
+    DiskError
+        If the file cannot be written.
     """
-    text = json.dumps({"format": FORMAT, **header}, sort_keys=True).encode()
-    with replacing(path) as file:
-        np.savez(file, header=np.frombuffer(text, np.uint8), **arrays)
+    write_array_file(path, {"format": FORMAT, **header}, arrays)

@@ -29,6 +29,9 @@ from koopman_lab.units import US_PER_S
 Array = NDArray[np.float64]
 INPUTS = "basis inputs"
 
+LAST_S = 253_402_300_800.0
+"""Since 1970 begins the year 10000, which has no name; data of others may bear any time."""
+
 
 class Trainer:
     """Takes in data sets one after the other and fits a model to all of them.
@@ -81,13 +84,13 @@ class Trainer:
             require_numbers_at_goal(observables)
         self._data_metadata = self._data_metadata or _without_folder(dataset.metadata)
         starts = [times.min() for times in dataset.start_us.values() if len(times)]
-        start_s = min(starts, default=0) / US_PER_S
+        start_s = float(min(starts, default=0)) / US_PER_S
         self._sources.append(
             {
                 "data_hash": data_hash,
                 "pairs": {str(index): len(x) for index, x in sorted(dataset.X.items())},
                 "recorded_utc": datetime.fromtimestamp(start_s, timezone.utc).isoformat()
-                if start_s
+                if 0.0 < start_s < LAST_S
                 else None,
             }
         )

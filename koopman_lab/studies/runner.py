@@ -21,7 +21,8 @@ from typing import Any
 from koopman_lab.errors import DataError, LabStateError
 from koopman_lab.figures.distribution_figure import draw_distribution
 from koopman_lab.files import write_csv, write_json
-from koopman_lab.studies import deviation_table
+from koopman_lab.json_file import JsonTable, Refusal, read_table
+from koopman_lab.studies import deviation_table, result_cache
 from koopman_lab.studies.parking import COLUMNS, Case
 from koopman_lab.studies.pools import Chunk, ChunkResult, Pool, WorkerLostError
 
@@ -116,7 +117,7 @@ def run_study(
                         lost += 1
                         on_loss(MOST_POOLS - lost)
                         break
-                    file.writelines(json.dumps(row) + "\n" for row in chunk_result.rows)
+                    file.writelines(map(result_cache.line_of, chunk_result.rows))
                     file.flush()
                     os.fsync(file.fileno())
                     rows_by_key |= {(row["case"], row["index"]): row for row in chunk_result.rows}
@@ -134,6 +135,7 @@ def run_study(
         elapsed_s = time.perf_counter() - began_s
         _write(folder, study, ordered)
         _summarise(folder, study, ordered, pool, elapsed_s, len(keys) - count_before, lost, solvers)
+        _draw(folder, study, ordered)
     return ordered
 
 
@@ -161,14 +163,17 @@ def _missing(study: Study, rows_by_key: dict[tuple[str, int], Row], chunk: int) 
 
 def _write(folder: Path, study: Study, rows: Sequence[Row]) -> None:
     labels = [case.label for case in study.cases]
-    panels: dict[str, list[str]] = {}
-    for case in study.cases:
-        title = f"{case.config.robot.kind} robot, after {case.duration_s:g} s"
-        panels.setdefault(title, []).append(case.label)
     write_csv(folder / "rows.csv", COLUMNS, ([row[c] for c in COLUMNS] for row in rows))
     write_csv(
         folder / "table.csv", deviation_table.COLUMNS, deviation_table.deviation_table(rows, labels)
     )
+
+
+def _draw(folder: Path, study: Study, rows: Sequence[Row]) -> None:
+    panels: dict[str, list[str]] = {}
+    for case in study.cases:
+        title = f"{case.config.robot.kind} robot, after {case.duration_s:g} s"
+        panels.setdefault(title, []).append(case.label)
     draw_distribution(folder / "distribution", panels, deviation_table.deviations_mm(rows))
 
 
@@ -236,7 +241,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
 
 def _completed_rows(folder: Path, study: Study, resume: bool) -> dict[tuple[str, int], Row]:
-    """Return the rows that count already; what a torn last line held is run again."""
+    """Return the rows that count already; what damaged lines held is run again."""
     # As JSON gives it back: tuples are lists there.
     requested = json.loads(json.dumps(study.described()))
     description, rows_file = folder / "study.json", folder / "rows.jsonl"
@@ -245,14 +250,11 @@ def _completed_rows(folder: Path, study: Study, resume: bool) -> dict[tuple[str,
         return {}
     if not resume:
         raise DataError(f"{folder}: holds a study already; go on with --resume or choose --out")
-    recorded = json.loads(description.read_text(encoding="utf-8"))
+    refusal = Refusal(description, "a study", "choose another folder with --out", DataError)
+    recorded = read_table(refusal, JsonTable).model_dump()
     if recorded | {"runs": study.runs} != requested:
         raise DataError(f"{folder}: holds a study with other settings; choose another with --out")
     if recorded != requested:
         write_json(description, requested)
-    content = rows_file.read_bytes()
-    complete = content[: content.rfind(b"\n") + 1]
-    if complete != content:
-        os.truncate(rows_file, len(complete))
-    parsed = [json.loads(line) for line in complete.splitlines()]
-    return {(row["case"], row["index"]): row for row in parsed}
+    rows = result_cache.whole_rows(rows_file, set(COLUMNS))
+    return {(row["case"], row["index"]): row for row in rows}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ from koopman_lab.evaluation.heldout import select_pairs
 from koopman_lab.evaluation.samples_needed import draw
 from koopman_lab.koopman.trainer import train
 from koopman_lab.koopman.training_report import Method
+from koopman_lab.predictors.table import load_model
 
 COUNTS = (5, 10, 50, 100, 200, 500, 1000, 2000)
 """Samples for each basis input, section 6 of the paper; besides them, all."""
@@ -74,7 +76,7 @@ def trained(
     keep
         Take the file as it is if it is there: that of an interrupted study.
     """
-    if not (keep and file.exists()):
+    if not (keep and _is_whole(file)):
         try:
             count = recipe.samples
             part = dataset if count is None else drawn(dataset, count, seed)
@@ -83,3 +85,14 @@ def trained(
             return Trained(b"", str(error))
         model.save(file)
     return Trained(file.read_bytes(), "")
+
+
+def _is_whole(file: Path) -> bool:
+    """Return whether a model is there and as it was saved; of a damaged one a warning is logged."""
+    try:
+        load_model(file)
+    except LabError as error:
+        if file.exists():
+            logging.getLogger(__name__).warning("%s; it is trained again", error)
+        return False
+    return True

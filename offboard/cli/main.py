@@ -6,6 +6,7 @@ them together take longer to load than most of them to run.
 
 from __future__ import annotations
 
+import errno
 import sys
 from collections.abc import Iterable
 from functools import cache
@@ -20,6 +21,8 @@ from offboard.terminal.output import err, show_crash
 
 EXPECTED_MISTAKE = 2
 INTERRUPTED = 130
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
+"""What a disk that is full, or may not be written, answers."""
 
 COMMANDS = {
     "demo": "offboard.commands.demo:demo",
@@ -99,6 +102,15 @@ def main() -> None:
         (app_of([named]) if alone else whole_app())()
     except LabError as error:
         err.print(f"klab: {error}")
+        sys.exit(EXPECTED_MISTAKE)
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        file = "what is said or written here" if error.filename is None else error.filename
+        err.print(
+            f"klab: {file}: cannot be written ({error.strerror}); make room on the disk, or choose "
+            "another place with --out"
+        )
         sys.exit(EXPECTED_MISTAKE)
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)

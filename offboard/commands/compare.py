@@ -115,10 +115,10 @@ def _write_comparison(
 ) -> None:
     from koopman_lab.figures.path_figure import draw_paths
 
-    draw_paths(comparison.path / "paths", curves, deviation=True)
     controllers = {
         name: {key: value for key, value in end.model_dump().items() if key in KEPT}
         for name, end in ends.items()
     }
     comparison.write_summary(lab, {"what": "comparison", "controllers": controllers})
+    draw_paths(comparison.path / "paths", curves, deviation=True)
     err.print(f"figure: {comparison.path / 'paths.png'}")

@@ -20,6 +20,8 @@ from offboard.terminal.visible_text import one_line
 if TYPE_CHECKING:
     from koopman_lab.data.channel_summary import ChannelSummary
 
+CHANGED = 1
+"""Exit code."""
 SHOWN = 10
 """Damaged places listed one by one."""
 
@@ -80,6 +82,31 @@ def info(
         err.print(
             f"{skipped} damaged bytes passed over in {len(log.damage)} places, {skipped_s:.3f} s"
         )
+
+
+@app.command()
+def verify(
+    file: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or its log.")],
+    as_json: options.AsJson = False,
+) -> None:
+    """Say whether the log of a finished session is as it was: its summary holds the SHA-256.
+
+    Exit code 0 if it is, 1 if a bit of it changed, 2 if nothing tells.
+
+    Example: klab log verify runs/calibration
+    """
+    from koopman_lab.eventlog.seal import changes
+
+    changed = changes(file)
+    if as_json:
+        out.print_json(json.dumps({"file": str(file), "changed": changed}))
+    else:
+        for line in changed:
+            err.print(f"changed: {one_line(line)}")
+        if not changed:
+            out.print(f"ok: {file} is as the session left it")
+    if changed:
+        raise typer.Exit(CHANGED)
 
 
 def _identity_lines(rows: Mapping[str, ChannelSummary]) -> list[str]:

@@ -12,6 +12,7 @@ from koopman_lab.errors import DataError
 from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, show_damage, show_passed_over
+from offboard.terminal.visible_text import one_line
 
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log, or its run folder.")]
 
@@ -94,7 +95,7 @@ def export(
         ) from None
     show_damage(log, damage)
     for name, count in written.left_out.items():
-        err.print(f"{name}: {count} messages left out, none that this version can decode")
+        err.print(f"{one_line(name)}: {count} messages left out, none that this version can decode")
     err.print(
         f"{sum(written.channels.values())} messages of {len(written.channels)} channels: {out}"
     )

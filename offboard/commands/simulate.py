@@ -148,7 +148,6 @@ def _write_results(
             f"{run.iterations.mean():.1f}",
             str(run.unsolved),
         )
-    draw_paths(results_folder.path / "paths", curves)
     first = next(iter(runs.values()))
     results_folder.write_summary(
         lab,
@@ -161,4 +160,5 @@ def _write_results(
         },
     )
     out.print(table)
+    draw_paths(results_folder.path / "paths", curves)
     err.print(f"figure: {results_folder.path / 'paths.png'}")

@@ -165,6 +165,12 @@ class DriveInputs:
         if logger is None or not is_fresh(logger.utime, self._logger_new_us, now_us, limit_us):
             clock = self._logger_gate.complaint(now_us)
             return Interlock(clock or "logger silent", cause=Cause.SILENCE)
+        if logger.bytes == logger.NOT_WRITING:
+            return Interlock(
+                "the logger cannot write the session down; its last words say why",
+                lasting=True,
+                cause=Cause.RECORD,
+            )
         # Without its stamps the wheels count as lost; what is lost is said, before who needs it.
         clock = self._wheel_gate.complaint(now_us)
         return (

@@ -16,10 +16,11 @@ class Cause(Enum):
     MOTION = "cameras, wheels and commands contradict each other"
     FLOOR = "the robot is not, or would not stay, on the floor"
     COMMANDER = "the program that drives cannot go on"
+    RECORD = "nothing is written down any more"
     OTHER = "something else"
 
 
-TO_BE_MENDED = (Cause.MOTION, Cause.FLOOR, Cause.COMMANDER)
+TO_BE_MENDED = (Cause.MOTION, Cause.FLOOR, Cause.COMMANDER, Cause.RECORD)
 """What ends a session while the robot is driven: nothing that passes, and no other's hold."""
 
 

@@ -16,7 +16,6 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.files import write_csv
 from koopman_lab.geometry.planar import ORIGIN, Pose
-from koopman_lab.robots.robot_type import RobotType
 from koopman_lab.robots.table import robot_type
 from offboard.desk.results import ParkEnd, ParkOutcome, ParkSummary, Spread
 from offboard.lab.run_folder import RunFolder
@@ -173,8 +172,11 @@ def park(
     LabError
         If the run cannot be made.
     """
+    from koopman_lab.studies.closed_loop import columns
+
     outcome = run_session(session, config, folder, listener).outcome
-    _write_trajectory(folder, robot_type(config.robot.kind), outcome)
+    robot = robot_type(config.robot.kind)
+    write_csv(folder.path / TRAJECTORY, columns(robot), outcome.trajectory)
     log = SessionLog(folder.log)
     summary = ParkSummary(
         **outcome.model_dump(include=ParkEnd.model_fields.keys() | {"missed_deadlines"}),
@@ -185,15 +187,15 @@ def park(
         trajectory=TRAJECTORY,
     )
     folder.write_summary(config, summary.model_dump())
+    # Last: what was measured must not hang on whether it can be drawn.
+    _draw_path(folder, outcome)
     return summary
 
 
-def _write_trajectory(folder: RunFolder, robot: RobotType, outcome: ParkOutcome) -> None:
-    """Write the driving steps as a table, and draw the path if there is one."""
+def _draw_path(folder: RunFolder, outcome: ParkOutcome) -> None:
+    """Draw the path of the driving steps if there are any."""
     from koopman_lab.figures.path_figure import Curve, draw_paths
-    from koopman_lab.studies.closed_loop import columns
 
-    write_csv(folder.path / TRAJECTORY, columns(robot), outcome.trajectory)
     if outcome.trajectory:
         steps = np.array(outcome.trajectory)
         curve = Curve("", steps[:, 0], steps[:, 1:4], steps[:, -1])

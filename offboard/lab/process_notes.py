@@ -9,17 +9,20 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
 import os
 import socket
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 import lcmtypes
 from koopman_lab.bus.processes import in_stop_order
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.files import cache_folder, write_json
+from koopman_lab.errors import LabError, LabStateError
+from koopman_lab.files import cache_folder, is_private, write_json
+from koopman_lab.json_file import JsonTable, Refusal, read_table
 from koopman_lab.units import US_PER_S
 from offboard.lab.own_processes import alive, is_klab
 from offboard.lab.run_folder import RunFolder
@@ -30,6 +33,27 @@ FOLDER = "labs"
 TAIL_LINES = 12
 FORGOTTEN_S = 7 * 86_400.0
 """After a week a lab that broke, and was never started again, is news to nobody."""
+ProcessNumber = Annotated[int, Field(gt=0, lt=1 << 31)]
+
+
+class _Death(JsonTable):
+    """Which process ended a lab, how, and when (us)."""
+
+    name: str
+    ended: str
+    utime: int
+
+
+class _Note(JsonTable):
+    """What a note says."""
+
+    bus: str
+    robot: str
+    host: str
+    supervisor_pid: ProcessNumber
+    folder: str
+    processes: dict[str, ProcessNumber]
+    died: _Death | None
 
 
 class ProcessNote:
@@ -59,8 +83,8 @@ class ProcessNote:
     def started(self, name: str, pid: int) -> None:
         """Note a process; the first one takes the place of what broke before."""
         if not self._facts["processes"]:
-            for file, facts in _notes_left_behind(self._facts["bus"]):
-                if facts["robot"] == self._facts["robot"]:
+            for file, note in _notes_left_behind(self._facts["bus"]):
+                if note.robot == self._facts["robot"]:
                     file.unlink(missing_ok=True)
         self._facts["processes"][name] = pid
         self._write()
@@ -79,7 +103,7 @@ class ProcessNote:
     def _write(self) -> None:
         # A lab runs as well where this folder cannot be written; only nobody can ask later.
         with contextlib.suppress(OSError):
-            write_json(self._file, self._facts)
+            write_json(self._file, self._facts, mode=0o600)
 
 
 def running_commands(url: str) -> dict[str, dict[int, set[str]]]:
@@ -89,14 +113,11 @@ def running_commands(url: str) -> dict[str, dict[int, set[str]]]:
     """
     by_robot: dict[str, dict[int, set[str]]] = {}
     for file in (cache_folder() / FOLDER).glob("*.json"):
-        try:
-            facts = json.loads(file.read_text())
-            pid, host, names = facts["supervisor_pid"], facts["host"], set(facts["processes"])
-            robot, on_this_bus = facts["robot"], facts["bus"] == url
-        except (OSError, ValueError, KeyError, TypeError):
-            continue  # written by another version, or just taken away
-        if on_this_bus and host == socket.gethostname() and alive(pid) and is_klab(pid):
-            by_robot.setdefault(robot, {})[pid] = names
+        note = _read(file)
+        if note is None or note.bus != url or note.host != socket.gethostname():
+            continue
+        if alive(note.supervisor_pid) and is_klab(note.supervisor_pid):
+            by_robot.setdefault(note.robot, {})[note.supervisor_pid] = set(note.processes)
     return by_robot
 
 
@@ -107,9 +128,9 @@ def may_run(pid: int, url: str, robot: str) -> bool:
     """
     claims = set()
     for file in (cache_folder() / FOLDER).glob(f"*-{pid}.json"):
-        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-            facts = json.loads(file.read_text())
-            claims.add((facts["bus"], facts["robot"]))
+        note = _read(file)
+        if note is not None:
+            claims.add((note.bus, note.robot))
     return not claims or (url, robot) in claims
 
 
@@ -124,22 +145,22 @@ def broken_labs(url: str, now_us: int) -> dict[str, list[ProcessState]]:
         Present time (us).
     """
     states_by_robot: dict[str, list[ProcessState]] = {}
-    for _, facts in _notes_left_behind(url):
-        entries = states_by_robot.setdefault(facts["robot"], [])
-        folder, died = RunFolder(Path(facts["folder"])), facts["died"]
-        killed_text = f"killed with process {facts['supervisor_pid']}, which had started it"
+    for _, note in _notes_left_behind(url):
+        entries = states_by_robot.setdefault(note.robot, [])
+        folder, died = RunFolder(Path(note.folder)), note.died
+        killed_text = f"killed with process {note.supervisor_pid}, which had started it"
         for row in in_stop_order():
-            pid = facts["processes"].get(row.name)
-            if pid is None or (died is not None and died["name"] != row.name):
+            pid = note.processes.get(row.name)
+            if pid is None or (died is not None and died.name != row.name):
                 continue  # the others were ended in order, because this one died
             log = folder.process_log(row.name)
             ended, utime = (killed_text, _last_written_us(folder.log, log)) if died is None else (
-                died["ended"], died["utime"]
+                died.ended, died.utime
             )  # fmt: skip
             report = lcmtypes.process_t()
             report.utime, report.name, report.pid = utime, row.name, pid
             report.state, report.ended, report.log_file = report.DIED, ended, str(log)
-            report.host, report.supervisor_pid = socket.gethostname(), facts["supervisor_pid"]
+            report.host, report.supervisor_pid = socket.gethostname(), note.supervisor_pid
             report.last_lines = "\n".join(last_lines(log))
             no_heartbeat = (None, None, None)
             age_s = (now_us - utime) / US_PER_S
@@ -182,16 +203,22 @@ def last_lines(file: Path) -> list[str]:
         return []
 
 
-def _notes_left_behind(url: str) -> Iterator[tuple[Path, dict[str, Any]]]:
+def _notes_left_behind(url: str) -> Iterator[tuple[Path, _Note]]:
     """Give the notes on a bus whose command has ended, but not as it should."""
     for file in sorted((cache_folder() / FOLDER).glob("*.json")):
-        try:
-            facts = json.loads(file.read_text())
-            pid, on_this_bus = facts["supervisor_pid"], facts["bus"] == url
-        except (OSError, ValueError, KeyError, TypeError):
-            continue  # written by another version, or just taken away
-        if on_this_bus and not (alive(pid) and is_klab(pid)):
-            yield file, facts
+        note = _read(file)
+        if note is None or note.bus != url:
+            continue
+        if not (alive(note.supervisor_pid) and is_klab(note.supervisor_pid)):
+            yield file, note
+
+
+def _read(file: Path) -> _Note | None:
+    """Return a note; None if another version or user wrote it, or it was just taken away."""
+    with contextlib.suppress(LabError, OSError):
+        if is_private(file.stat()):
+            return read_table(Refusal(file, "a note", "it is left alone", LabStateError), _Note)
+    return None
 
 
 def lab_key(config: LabConfig) -> str:

@@ -12,7 +12,8 @@ from typing import Any
 from koopman_lab.config.load import dump_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
-from koopman_lab.eventlog.log_name import LOG_NAME
+from koopman_lab.eventlog.log_name import LOG_NAME, SUMMARY_NAME
+from koopman_lab.eventlog.seal import seal_of
 from koopman_lab.files import write_json, write_text
 
 
@@ -35,7 +36,7 @@ class RunFolder:
     @property
     def summary(self) -> Path:
         """Return where the summary is."""
-        return self.path / "summary.json"
+        return self.path / SUMMARY_NAME
 
     def process_log(self, name: str) -> Path:
         """Return where a process writes what it has to say."""
@@ -58,20 +59,23 @@ class RunFolder:
             ) from None
 
     def write_summary(self, config: LabConfig, facts: dict[str, Any]) -> None:
-        """Write ``summary.json``: the facts, and what the run was made with.
+        """Write ``summary.json``: the facts, what the run was made with, and the seal of its log.
 
         Raises
         ------
         LabStateError
             If it cannot be written.
         """
-        made_with = {
+        made_with: dict[str, Any] = {
             "robot": config.robot.kind,
             "seed": config.seed,
             "version": version("koopman-lab"),
             "revision": revision(),
         }
         try:
+            seal = {name: file.model_dump() for name, file in seal_of(self.log).items()}
+            if seal:
+                made_with["log_files"] = seal
             write_json(self.summary, facts | made_with)
         except OSError as error:
             raise LabStateError(

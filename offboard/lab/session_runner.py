@@ -132,7 +132,7 @@ def read_outcome(file: Path, outcome_type: type[Outcome]) -> Outcome:
         If the file is not there, or holds something else.
     """
     try:
-        return outcome_type.model_validate_json(file.read_text())
+        return outcome_type.model_validate_json(file.read_bytes())
     except (OSError, ValidationError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it holds something else"
         raise LabStateError(

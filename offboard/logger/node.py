@@ -8,10 +8,14 @@ import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
+from koopman_lab.errors import LogError
 from koopman_lab.eventlog.logwriter import RotatingLogWriter
 
+FAREWELLS = 3
+"""A radio or a full buffer may lose a message."""
 KEEP_RATE_HZ = 10.0
-"""Ending the process by force, or a power failure, costs at most two such periods of data."""
+"""Ending the process by force, or a power failure, costs at most two such periods of data, and a
+file that vanishes one."""
 
 
 class LoggerNode:
@@ -48,8 +52,8 @@ class LoggerNode:
             if channel.logged:
                 port.subscribe_raw(channel, self._on_message)
         # In lockstep nobody pulls a plug, and many virtual seconds go into a real one.
-        keep = self._writer.flush if port.virtual else self._writer.sync
-        port.every(KEEP_RATE_HZ, lambda _: keep())
+        self._keep = self._writer.flush if port.virtual else self._writer.sync
+        port.every(KEEP_RATE_HZ, self._on_keep)
         port.every(self._heartbeat_rate_hz, self._on_heartbeat)
 
     def close(self) -> None:
@@ -57,8 +61,26 @@ class LoggerNode:
         self._writer.close()
 
     def _on_message(self, name: str, data: bytes, arrived_us: int) -> None:
-        self._bytes += self._writer.write(name, data, arrived_us)
+        try:
+            self._bytes += self._writer.write(name, data, arrived_us)
+        except LogError:
+            self._give_up(arrived_us)
+            raise
         self._events += 1
+
+    def _on_keep(self, tick_us: int) -> None:
+        try:
+            self._writer.check()
+            self._keep()
+        except LogError:
+            self._give_up(tick_us)
+            raise
+
+    def _give_up(self, now_us: int) -> None:
+        """Say that nothing more is written down, so that the robot stops before it is missed."""
+        self._bytes = lcmtypes.logger_status_t.NOT_WRITING
+        for _ in range(FAREWELLS):
+            self._on_heartbeat(now_us)
 
     def _on_heartbeat(self, tick_us: int) -> None:
         status = lcmtypes.logger_status_t()

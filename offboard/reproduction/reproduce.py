@@ -113,6 +113,8 @@ def _open_folder(base: Path, request: dict[str, Any], *, resume: bool) -> None:
             f"{base}: holds a reproduction; go on with it by --resume, or choose another folder "
             "with --out"
         )
+    if not isinstance(before, dict):
+        raise LabStateError(f"{file}: cannot be used (no table); choose another folder with --out")
     if before != request:
         size = "with" if before.get("quick") else "without"
         raise LabStateError(

@@ -4,32 +4,43 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import json
+import logging
 import os
 import shlex
 import shutil
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from koopman_lab.errors import LabStateError
-from koopman_lab.files import write_json
+from koopman_lab.errors import DataError, LabStateError
+from koopman_lab.files import sha256, write_json
+from koopman_lab.json_file import JsonTable, Refusal, read_table
 from offboard.lab.python_process import module_command
 from offboard.lab.run_folder import revision
 from offboard.reproduction.paper.step_record import StepRecord
 
 MARKER = "done.json"
 """In the folder of a step that succeeded."""
+RUN_AGAIN = "the step is run again"
 LOGS = "logs"
 LOCK = ".lock"
 LOCK_LIMIT_S = 10.0
 """Within which the steps of a run that was killed notice it and end."""
 LOCK_PERIOD_S = 0.1
 LONGEST_LINE = 300
+
+
+class _Marker(JsonTable):
+    """What a step's marker says; those of older versions have no hashes."""
+
+    arguments: list[str]
+    seconds: float
+    version: str
+    sha256: dict[str, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -96,17 +107,30 @@ def with_needs(steps: Sequence[Step], names: Sequence[str]) -> list[Step]:
 def finished(folder: Path, steps: Sequence[Step]) -> dict[str, StepRecord]:
     """Return the steps that need not run again, by name.
 
-    One is done when it succeeded with these very arguments, and nothing it needs runs again.
+    One is done when it succeeded with these very arguments, what it brought is as it left it, and
+    nothing it needs runs again.
     """
     done: dict[str, StepRecord] = {}
     for step in steps:
-        try:
-            marker = json.loads((folder / step.name / MARKER).read_text())
-        except (OSError, ValueError):
+        file = folder / step.name / MARKER
+        if not file.exists():
             continue
-        if marker["arguments"] == list(step.arguments) and step.needs(steps) <= done.keys():
-            done[step.name] = StepRecord(step.command, marker["seconds"], marker["version"])
+        try:
+            marker = read_table(Refusal(file, "the note of a step", RUN_AGAIN, DataError), _Marker)
+            if marker.sha256 is not None and _hashes(file.parent, marker.sha256) != marker.sha256:
+                raise DataError(f"{file.parent}: not as the step left it; {RUN_AGAIN}")
+        except (DataError, OSError) as error:
+            logging.getLogger(__name__).warning("%s", error)
+            continue
+        if marker.arguments == list(step.arguments) and step.needs(steps) <= done.keys():
+            done[step.name] = StepRecord(step.command, marker.seconds, marker.version)
     return done
+
+
+def _hashes(folder: Path, names: Iterable[str]) -> dict[str, str | None]:
+    """Return the SHA-256 of files of a folder by their names; None for what is no file in it."""
+    files = {str(file.relative_to(folder)): file for file in folder.rglob("*") if file.is_file()}
+    return {name: sha256(files[name]) if name in files else None for name in names}
 
 
 def run(
@@ -203,7 +227,13 @@ def _run_step(
         )
     seconds = time.monotonic() - began_s
     made_by = f"{version('koopman-lab')}, {revision() or 'no revision'}"
-    facts = {"arguments": list(step.arguments), "seconds": seconds, "version": made_by}
+    files = [str(f.relative_to(step_folder)) for f in step_folder.rglob("*") if f.is_file()]
+    facts = {
+        "arguments": list(step.arguments),
+        "seconds": seconds,
+        "version": made_by,
+        "sha256": _hashes(step_folder, sorted(files)),
+    }
     write_json(marker, facts)
     return StepRecord(step.command, seconds, made_by)
 

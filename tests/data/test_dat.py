@@ -192,7 +192,7 @@ def test_damage_to_what_was_written_here_is_named(dynamic, tmp_path):
     refused(folder, r"pairs_1\.dat: ")
     (folder / "pairs_1.dat").write_bytes(whole)
     (folder / "dataset.json").write_text('{"robot_kind": "boat"}')
-    refused(folder, r"dataset\.json: damaged; remove it")
+    refused(folder, r"dataset\.json: damaged, or not the header of a data set: dt_s: .* remove it")
 
 
 def test_a_folder_that_cannot_be_finished_does_not_appear(dynamic, tmp_path):

@@ -32,7 +32,7 @@ class Speakers:
         self.rate_hz, self.twice, self.valid, self.numbered = 240, False, True, True
         self.ahead_us, self.silent, self.stuck_us = 0, set(), None
         self.status = STATUS()
-        self.frames = 0
+        self.frames = self.logged_bytes = 0
         self.stray = []
         """Frames to say once, after those of a step."""
         self.off_us = {}
@@ -63,6 +63,7 @@ class Speakers:
         self.say(channels.ONBOARD_STATUS, self.status)
         logger = lcmtypes.logger_status_t()
         logger.utime = now_us + self.off_us.get(channels.LOGGER_STATUS.suffix, 0)
+        logger.bytes = self.logged_bytes
         self.say(channels.LOGGER_STATUS, logger)
 
     def say(self, channel, message):
@@ -145,6 +146,13 @@ def stick(speakers):
         (stick, "onboard loop silent", Cause.SILENCE, False, False),
         (change(stuck_us=40_000_000), "onboard loop silent", Cause.SILENCE, False, False),
         (silence(channels.LOGGER_STATUS), "logger silent", Cause.SILENCE, False, False),
+        (
+            change(logged_bytes=lcmtypes.logger_status_t.NOT_WRITING),
+            "logger cannot write",
+            Cause.RECORD,
+            True,
+            False,
+        ),
         (state(state=STATUS.ESTOP), "emergency stop", Cause.HELD, True, False),
         (
             state(state=STATUS.FAULT, fault=STATUS.BATTERY_LOW),

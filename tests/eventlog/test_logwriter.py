@@ -1,18 +1,23 @@
 """Logs of several files, and disks that refuse."""
 
+import os
 import signal
 import subprocess
 import sys
 
 import pytest
 
-from koopman_lab.bus.channels import MOCAP_POSE
+from koopman_lab.bus.channels import LOGGER_STATUS, MOCAP_POSE
+from koopman_lab.bus.lockstep import Lockstep
+from koopman_lab.config.load import load_config
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.errors import LogError
 from koopman_lab.eventlog.eventlog import read_events
 from koopman_lab.eventlog.logwriter import EventLogWriter, RotatingLogWriter, files_of_log
+from offboard.logger.node import LoggerNode
 
 NAME = "R1_MOCAP_POSE"
+CONFIG = load_config()
 
 
 def pose(sequence):
@@ -135,3 +140,88 @@ def test_ending_by_force_loses_nothing_that_was_handed_over(tmp_path):
     stored = [event.timestamp_us for event in read_events(path)]
     assert len(stored) > 4000
     assert stored == list(range(len(stored)))
+
+
+def replaced(path):
+    path.rename(path.with_name("elsewhere.lcm"))
+    path.write_bytes(b"another")
+
+
+def grown(path):
+    with path.open("ab") as file:
+        file.write(b"more")
+
+
+HARMS = {
+    "deleted": (lambda path: path.unlink(), "is gone .* was written once more"),
+    "moved": (lambda path: path.rename(path.with_name("elsewhere.lcm")), "is gone"),
+    "its folder moved": (lambda path: path.parent.rename(path.parent.parent / "x"), "is gone"),
+    "replaced": (replaced, "is another file now"),
+    "cut": (lambda path: os.truncate(path, 100), "has 100 bytes instead of"),
+    "emptied": (lambda path: os.truncate(path, 0), "has 0 bytes instead of"),
+    "written by others": (grown, "has .* bytes instead of"),
+}
+
+
+@pytest.mark.parametrize("harm", HARMS)
+def test_a_log_that_is_not_what_was_written_is_noticed(harm, tmp_path):
+    path = tmp_path / "run" / "session.lcm"
+    path.parent.mkdir()
+    log = RotatingLogWriter(path, 10_000_000)
+    write(log, range(20))
+    log.check()
+    log.flush()
+    log.check()
+    do, words = HARMS[harm]
+    do(path)
+    with pytest.raises(LogError, match=f"session.lcm: {words}"):
+        log.check()
+    log.close()
+    if harm == "deleted":
+        assert sequences(path) == list(range(20))
+
+
+def test_an_earlier_file_of_a_log_is_missed_too(tmp_path):
+    path = tmp_path / "session.lcm"
+    log = RotatingLogWriter(path, largest_bytes=1000)
+    write(log, range(40))
+    log.check()
+    path.unlink()
+    with pytest.raises(LogError, match=r"session\.lcm: has no bytes instead of"):
+        log.check()
+    log.close()
+
+
+class Lab:
+    """Speaks to a logger, and hears what it says."""
+
+    name = "plant"
+
+    def __init__(self):
+        self.said = []
+
+    def attach(self, port):
+        self.port = port
+        port.every(100.0, lambda _: self.speak())
+        port.subscribe(LOGGER_STATUS, lambda m: self.said.append((m.utime, m.bytes)))
+
+    def speak(self):
+        self.port.publish(MOCAP_POSE, MOCAP_POSE.type())
+
+    def close(self):
+        pass
+
+
+def test_the_logger_says_in_a_tenth_of_a_second_that_it_cannot_write_and_ends(tmp_path):
+    lab, ears = Lockstep(CONFIG), Lab()
+    lab.add(ears)
+    lab.add(LoggerNode(CONFIG, tmp_path / "session.lcm"))
+    lab.run(1.0)
+    assert ears.said
+    assert all(size > 0 for _, size in ears.said[1:])
+    (tmp_path / "session.lcm").unlink()
+    struck_us = lab.now_us
+    with pytest.raises(LogError, match="is gone"):
+        lab.run(1.0)
+    assert lab.now_us - struck_us <= 100_000
+    lab.close()

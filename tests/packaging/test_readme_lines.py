@@ -24,6 +24,7 @@ ELSEWHERE = {
     "the bus is the test's": ("export LCM_DEFAULT_URL",),
     "would run this test within itself": ("./scripts/test", "./scripts/check"),
     "on less: tests/packaging/test_mutate.py": ("./scripts/mutate",),
+    "on less: tests/packaging/test_fuzz_script.py": ("./scripts/fuzz",),
     "needs Java and a screen: tests/packaging/test_spy.py": ("./scripts/spy",),
 }
 """The beginnings of lines that are only parsed, by test_readme, under the reason."""

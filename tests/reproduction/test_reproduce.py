@@ -1,7 +1,9 @@
 """`klab reproduce`: its steps, and the runner that keeps what is done."""
 
 import contextlib
+import dataclasses
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -11,6 +13,7 @@ import typer
 from klab import REFERENCE, klab
 
 from koopman_lab.errors import LabStateError
+from koopman_lab.files import sha256
 from offboard.cli.main import app
 from offboard.reproduction import step_runner as runner
 from offboard.reproduction.paper.claim import judge
@@ -114,6 +117,8 @@ def test_a_killed_run_leaves_no_process_and_goes_on_with_the_step_it_was_in(tmp_
     assert made["path"].command.startswith("klab simulate --config first/config.yaml")
     assert (tmp_path / "path" / "summary.json").exists()
     marker = json.loads((tmp_path / "path" / MARKER).read_text())
+    written = {file.name for file in (tmp_path / "path").iterdir()} - {MARKER}
+    assert marker["sha256"].keys() == written
     assert marker["arguments"] == list(simulation(1).arguments)
 
 
@@ -144,6 +149,30 @@ def test_what_is_made_of_something_that_runs_again_runs_again(tmp_path):
     assert set(finished(tmp_path, [FIRST, simulation(2)])) == {"first"}
     (tmp_path / "first" / MARKER).unlink()
     assert not finished(tmp_path, [FIRST, simulation(1)])
+
+
+DAMAGES = {
+    "a bit": lambda folder: (folder / "result.csv").write_bytes(b"1,3\n"),
+    "a file": lambda folder: (folder / "result.csv").unlink(),
+    "the marker": lambda folder: (folder / MARKER).write_text('{"arguments": 3}'),
+    "half the marker": lambda folder: os.truncate(folder / MARKER, 20),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_what_a_step_brought_is_made_again_where_it_is_damaged(damage, tmp_path, caplog):
+    first = Step("first", ("log", "info", str(PARK)))
+    (tmp_path / "first").mkdir()
+    (tmp_path / "first" / "result.csv").write_text("1,2\n")
+    resumed = dataclasses.replace(first, resumable=True)
+    facts = {"arguments": list(first.arguments), "seconds": 1.0, "version": "0"}
+    hashes = {"result.csv": sha256(tmp_path / "first" / "result.csv")}
+    (tmp_path / "first" / MARKER).write_text(json.dumps(facts | {"sha256": hashes}))
+    assert set(finished(tmp_path, [resumed])) == {"first"}
+    assert not caplog.records
+    DAMAGES[damage](tmp_path / "first")
+    assert not finished(tmp_path, [resumed])
+    assert [r.getMessage().endswith("the step is run again") for r in caplog.records] == [True]
 
 
 def test_a_step_that_can_go_on_does_unless_what_it_needs_was_made_anew(tmp_path):

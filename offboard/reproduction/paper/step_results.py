@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from koopman_lab.config.moved_keys import translate
 from koopman_lab.config.yaml_text import parse_yaml
-from koopman_lab.errors import DataError
+from koopman_lab.errors import ConfigError, DataError
 
 Array = NDArray[np.float64]
 
@@ -111,16 +111,22 @@ class StepResults:
                 missing = not path.parent.exists()
                 why = "its step was not run" if missing else f"cannot be read ({error.strerror})"
                 raise DataError(f"{step}/{file}: {why}") from None
+            except ValueError:
+                raise DataError(f"{step}/{file}: is no text; run its step again") from None
             self._texts[path] = _parse_file(path, text)
         return self._texts[path]
 
 
 def _parse_file(path: Path, text: str) -> Any:
-    if path.suffix == ".json":
-        return json.loads(text)
-    if path.suffix == ".yaml":
-        return parse_yaml(text, str(path)).value
-    return list(csv.DictReader(text.splitlines()))
+    try:
+        if path.suffix == ".json":
+            return json.loads(text)
+        if path.suffix == ".yaml":
+            return parse_yaml(text, str(path)).value
+        return list(csv.DictReader(text.splitlines()))
+    except (ValueError, RecursionError, ConfigError, csv.Error) as error:
+        reason = (str(error) or type(error).__name__).splitlines()[0]
+        raise DataError(f"{path}: damaged ({reason}); run its step again") from None
 
 
 def _value_at(value: Any, where: str, keys: tuple[str, ...]) -> Any:

@@ -1,0 +1,74 @@
+"""A session whose log is taken away while the robot drives: it stops, and it is said why."""
+
+import os
+
+import pytest
+from klab import MODEL, SMALL_AREA, start_klab
+from witness import Witness
+
+from koopman_lab.data.decode import SessionLog
+from offboard.bench.faults.bounds import by_controller
+from offboard.logger.node import KEEP_RATE_HZ
+
+BUSY_S = 0.25
+"""What other processes on the machine may hold a message up, on top of the bound."""
+QUICK = ("--set", "controller.horizon=20")
+SESSIONS = {
+    "calibrate": ("calibrate", "--segments", "1", *SMALL_AREA),
+    "park": ("park", "--model", MODEL, *("--start", "-1.2", "0.2", "0"), *QUICK),
+}
+
+
+@pytest.fixture
+def witness(bus_url):
+    """Run a robot that no session owns: it stays when the session has ended."""
+    witness = Witness(bus_url)
+    robot = [start_klab("run", name, "--preset", "lab") for name in ("plant", "onboard")]
+    try:
+        witness.wait(lambda: {"plant", "onboard"} <= witness.pids.keys())
+        yield witness
+    finally:
+        for process in robot:
+            process.terminate()
+            process.communicate(timeout=30)
+
+
+@pytest.mark.parametrize(
+    ("session", "harm", "words"),
+    [
+        ("calibrate", lambda log: log.unlink(), "is gone"),
+        ("park", lambda log: log.rename(log.with_name("elsewhere.lcm")), "is gone"),
+        ("park", lambda log: os.truncate(log, 1000), "has 1000 bytes instead of"),
+    ],
+)
+def test_the_log_is_taken_away_while_the_robot_drives(session, harm, words, witness, tmp_path):
+    process = start_klab(*SESSIONS[session], "--out", tmp_path / "run")
+    try:
+        witness.wait_until_fast(process)
+        harm(tmp_path / "run" / "session.lcm")
+        struck_us = witness.listener.now_us()
+        code, said = witness.end_of(process)
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+    assert (code, said.count("klab: logger died")) == (2, 1)
+    assert f"session.lcm: {words}" in " ".join(said.split())
+    limit_s = by_controller(witness.config, 1.0 / KEEP_RATE_HZ)
+    assert witness.moved_for_s(struck_us) <= limit_s + BUSY_S
+
+
+def test_a_deleted_log_is_written_once_more(witness, tmp_path):
+    process = start_klab(*SESSIONS["park"], "--out", tmp_path / "run")
+    try:
+        witness.wait_until_fast(process)
+        size = (tmp_path / "run" / "session.lcm").stat().st_size
+        (tmp_path / "run" / "session.lcm").unlink()
+        code, said = witness.end_of(process)
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+    assert (code, "what it held was written once more" in " ".join(said.split())) == (2, True)
+    assert (tmp_path / "run" / "session.lcm").stat().st_size >= size
+    assert SessionLog(tmp_path / "run").channels["R1_MOCAP_POSE"].lost == 0
