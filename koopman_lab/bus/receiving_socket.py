@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import socket
 import struct
 import sys
+from array import array
 from collections.abc import Iterator
-from ipaddress import ip_address
 from pathlib import Path
 
 from koopman_lab.bus.datagram_filter import Program, packed
 
 ATTACH_FILTER = 26
 """SO_ATTACH_FILTER of Linux, which Python does not name."""
+MULTICAST = range(224, 240)
+"""First byte of a group's address."""
 PROCESS = Path("/proc/self")
 SLEEPING, GONE = "S", ""
 """The first is one of the states of proc_pid_stat(5)."""
@@ -54,7 +55,7 @@ def receiving_socket(candidates: frozenset[int]) -> int | None:
         with contextlib.suppress(OSError, ValueError), _borrowed(descriptor) as udp:
             if udp.family == socket.AF_INET and udp.type == socket.SOCK_DGRAM:
                 host, _ = udp.getsockname()
-                if ip_address(host).is_multicast:
+                if socket.inet_aton(host)[0] in MULTICAST:
                     return descriptor
     return None
 
@@ -71,9 +72,9 @@ def attach(descriptor: int, program: Program) -> None:
     """
     if sys.platform != "linux":
         raise FilterError(f"{sys.platform} has no SO_ATTACH_FILTER")
-    instructions = ctypes.create_string_buffer(packed(program))
+    instructions = array("B", packed(program))
     # struct sock_fprog: how many, and where.
-    described = struct.pack("@HP", len(program), ctypes.addressof(instructions))
+    described = struct.pack("@HP", len(program), instructions.buffer_info()[0])
     try:
         with _borrowed(descriptor) as udp:
             udp.setsockopt(socket.SOL_SOCKET, ATTACH_FILTER, described)

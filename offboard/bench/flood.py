@@ -24,7 +24,7 @@ def flood(
     overrides: options.Overrides = None,
     robot: options.Robot = None,
     minutes: Annotated[
-        float, typer.Option("--minutes", min=0.05, help="How long to drive, each time.")
+        float, typer.Option("--minutes", min=0.05, max=60.0, help="How long to drive, each time.")
     ] = 1.0,
     heard_share: Annotated[
         float,

@@ -144,7 +144,7 @@ def test_also_while_it_begins_to_listen(bus_url):
         flooding = threading.Thread(target=flood, args=(sender,))
         flooding.start()
         try:
-            for how in ("one", "all") * 5:
+            for how in ("one", "all") * 3:
                 with listening(bus_url, how) as process:
                     assert process.stdout.readline() == "listening ''\n"
                     assert grown_kb(process, sender) is not None
