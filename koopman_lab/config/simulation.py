@@ -143,7 +143,7 @@ class Battery(Section):
     full_v: Voltage
     empty_v: Voltage
     state_of_charge: Share
-    capacity_ah: Annotated[Positive, Bounds(1e-4, 1000.0, "Ah")]
+    capacity_ah: Annotated[Finite, Field(gt=0), Bounds(1e-4, 1e12, "Ah")]
     resistance_ohm: Annotated[NotNegative, Bounds(0.0, 100.0, "Ohm")]
     board_current_a: Annotated[NotNegative, Bounds(0.0, 100.0, "A")]
 

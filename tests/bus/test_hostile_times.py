@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hostile_times import HOSTILE, at_most_calls
+from hostile.times import HOSTILE, at_most_calls
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

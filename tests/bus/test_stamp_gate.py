@@ -1,7 +1,7 @@
 """The gate of stamps: what is plausible, what is said of the rest, and that none is forgotten."""
 
 import pytest
-from hostile_times import HOSTILE
+from hostile.times import HOSTILE
 from hypothesis import given
 from hypothesis import strategies as st
 

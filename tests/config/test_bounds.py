@@ -17,6 +17,7 @@ Path = tuple[str | int, ...]
 LARGE_IS_MEANT = {
     ("seed",): "any whole number that a generator takes",
     ("logger", "largest_file_bytes"): "1e9 is the default, a gigabyte",
+    ("simulation", "plant", "battery", "capacity_ah"): "a supply that never runs empty",
     ("simulation", "clock", "offset_s"): "a board without a clock of its own starts in 1970",
     ("simulation", "faults", 0, "jump_s"): "as far as the board's clock",
 }

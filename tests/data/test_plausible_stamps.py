@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from hostile_times import DAY_US, HOSTILE, HOUR_US, LARGEST, SMALLEST
+from hostile.times import DAY_US, HOSTILE, HOUR_US, LARGEST, SMALLEST
 from hypothesis import given
 from hypothesis import strategies as st
 from klab import klab

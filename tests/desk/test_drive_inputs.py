@@ -4,7 +4,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from hostile_times import HOSTILE
+from hostile.times import HOSTILE
 
 import lcmtypes
 from koopman_lab.bus import channels

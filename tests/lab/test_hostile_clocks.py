@@ -7,7 +7,7 @@ stays what it was.
 import math
 
 import pytest
-from hostile_times import HOSTILE
+from hostile.times import HOSTILE
 
 from koopman_lab.bus.channels import CHANNELS, MOCAP_POSE, MPC_STATE
 from koopman_lab.bus.header import restamp

@@ -1,7 +1,7 @@
 """Encoders stamped by a clock that is wrong: the board goes on to speak, and stands."""
 
 import pytest
-from hostile_times import HOSTILE
+from hostile.times import HOSTILE
 from tests_support import Script
 
 import lcmtypes

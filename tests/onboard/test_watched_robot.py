@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hostile_times import HOSTILE
+from hostile.times import HOSTILE
 from tests_support import Eye, Script
 
 import lcmtypes

@@ -74,6 +74,8 @@ def moved(events, at_us):
         (beats() + beats(start_us=START_US + 3 * US_PER_S), "started 2 times"),
         (moved(beats(pid=0, start_us=0), START_US), "recorded from a replay"),
         (beats() + beats(start_us=START_US + 3600 * US_PER_S), "times of arrival jump 1 times"),
+        (beats(ahead_us=3600 * US_PER_S), "stamped 3600 s after the log begins, when it was over"),
+        (beats(ahead_us=2**62), "after the log begins, when it was over"),
         ([event._replace(data=bytes(40)) for event in beats()], "R1_SAMPLER_HEARTBEAT: .*types"),
     ],
 )
