@@ -118,7 +118,7 @@ def test_a_second_robot_is_calibrated_beside_the_first(tmp_path):
 def test_a_lab_with_a_key_and_guests_who_look_on(tmp_path):
     (tmp_path / "runs").mkdir()
     run("klab key new lab.key", tmp_path)
-    guests = 'klab relay --read-only --to "udpm://239.255.76.69:7669?ttl=0"'
+    guests = "klab relay --read-only --to udpm://239.255.76.69:7669?ttl=0"
     with (
         Terminal("klab up --set bus.key_file=lab.key", tmp_path) as up,
         Terminal(guests, tmp_path) as relay,
