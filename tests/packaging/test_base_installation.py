@@ -48,6 +48,7 @@ ALONE = (
     ("dataset import", ("published", "--out", "again.npz")),
     ("bench lockstep", ("--seconds", "2")),
     ("bench motor", ()),
+    ("bench estop", ("--tries", "1", "--load", "0")),
     ("bench dataset", ("session", "--repetitions", "1")),
     ("doctor", ()),
 )
