@@ -50,6 +50,7 @@ ALONE = (
     ("bench motor", ()),
     ("bench authentication", ("--messages", "100")),
     ("key new", ("lab.key",)),
+    ("bench estop", ("--tries", "1", "--load", "0")),
     ("bench dataset", ("session", "--repetitions", "1")),
     ("doctor", ()),
 )
