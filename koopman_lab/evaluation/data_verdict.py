@@ -109,16 +109,20 @@ def _of_counts(dataset: DataSet) -> Iterator[Reason]:
 
 
 def excitation_reasons(
-    spans: Mapping[int, Excitation], observables: Dictionary
+    spans: Mapping[int, Excitation], observables: Dictionary, *, regularised: bool = False
 ) -> Iterator[Reason]:
-    """Give what keeps samples, by the index of their input, from training a dictionary."""
+    """Give what keeps samples, by the index of their input, from training a dictionary.
+
+    ``regularised`` says that a ridge decides what they leave open.
+    """
     for index, span in spans.items():
         if span.samples and span.rank < span.observables:
             yield Reason(
                 "weak",  # with further sessions they may suffice, or for another dictionary
                 f"u_{index}: {span.samples} samples of {span.segments} segments span only "
                 f"{span.rank} of the {span.observables} observables of "
-                f"{observables.name}; {remedy(observables)}",
+                f"{observables.name}; "
+                + ("the ridge decides the rest" if regularised else remedy(observables)),
             )
         elif span.samples and span.condition > GOOD_CONDITION:
             yield Reason(

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from ideal_data import ideal_dataset
 from misregistration import back_in_time, exchanged_inputs, misregistered, noisy
 
-from koopman_lab.evaluation.data_verdict import data_verdict, excitations
+from koopman_lab.evaluation.data_verdict import data_verdict, excitation_reasons, excitations
 from koopman_lab.evaluation.nominal_motion import motion_of_data
+from koopman_lab.koopman.dictionary import dictionary
 
 KINDS = ("kinematic", "dynamic")
 DATA = {kind: ideal_dataset(kind) for kind in KINDS}
@@ -152,6 +153,9 @@ def test_samples_that_do_not_span_a_dictionary_are_weak():
     judged = data_verdict(short, excitations(short, "D5t"), "D5t")
     assert judged.level == "weak"
     assert "span only 3 of the 5 observables of D5t" in judged.text
+    spans = excitations(short, "D5t")
+    (first, *_) = excitation_reasons(spans, dictionary("D5t", "kinematic"), regularised=True)
+    assert first.text.endswith("observables of D5t; the ridge decides the rest")
 
 
 def test_noise_larger_than_the_steps_is_named():

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 from socket import create_connection
 
 import pytest
-from page_server import LIMIT_S, URL, serving
+from viewer.page_server import LIMIT_S, URL, serving
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from page_server import LIMIT_S, serving
+from viewer.page_server import LIMIT_S, serving
 
 from offboard.viewer.server import PAGE
 

@@ -39,6 +39,7 @@ def judged_model(learned: LearnedModel, report: Report, *, data_usable: bool) ->
     from koopman_lab.evaluation.model_verdict import model_verdict
     from koopman_lab.evaluation.plausibility import verdict
     from koopman_lab.koopman.bilinear_model import BilinearModel
+    from koopman_lab.koopman.fit import regularises
     from koopman_lab.koopman.training_report import TrainingReport
 
     judged = model_verdict(learned, cause_known=not data_usable)
@@ -47,5 +48,6 @@ def judged_model(learned: LearnedModel, report: Report, *, data_usable: bool) ->
     if report.method.symmetric:
         return judged  # a symmetric fit asks less of its samples
     spans = {b.basis_index: b.excitation for b in report.bases if b.excitation is not None}
-    reasons = excitation_reasons(spans, learned.dictionary)
+    regularised = regularises(report.method.ridge)
+    reasons = excitation_reasons(spans, learned.dictionary, regularised=regularised)
     return verdict([*judged.reasons, *reasons], judged.figures)
