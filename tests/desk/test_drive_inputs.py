@@ -4,7 +4,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from hostile.times import HOSTILE
+from drive_inputs_bench import STATUS, Bench, Driver, Speakers
 
 import lcmtypes
 from koopman_lab.bus import channels
@@ -20,96 +20,6 @@ from offboard.desk.interlock import Cause
 from offboard.desk.orders import TRIES, stop_order
 
 COMMANDER, OTHER = 2 + 8 * 100, 2 + 8 * 200
-STATUS = lcmtypes.onboard_status_t
-
-
-class Speakers:
-    """Cameras, board and logger of a standing robot, each of which can be changed or silenced."""
-
-    name = "plant"
-
-    def __init__(self):
-        self.rate_hz, self.twice, self.valid, self.numbered = 240, False, True, True
-        self.ahead_us, self.silent, self.stuck_us = 0, set(), None
-        self.status = STATUS()
-        self.frames = self.logged_bytes = 0
-        self.stray = []
-        """Frames to say once, after those of a step."""
-        self.off_us = {}
-        """By channel: how far its stamps are ahead."""
-
-    def attach(self, port):
-        self.port = port
-        port.every(20.0, self.speak)
-
-    def close(self):
-        pass
-
-    def speak(self, now_us):
-        for k in range(self.rate_hz // 20):
-            pose = lcmtypes.mocap_pose_t()
-            pose.utime = now_us - 50_000 + round(k * 1e6 / self.rate_hz) + self.ahead_us
-            pose.x1_m, pose.tracking_valid = 0.3 + 1e-5 * (self.frames % 7), self.valid
-            self.frames += 1
-            for _ in range(2 if self.twice else 1):
-                self.say(channels.MOCAP_POSE, pose)
-        while self.stray:
-            self.say(channels.MOCAP_POSE, self.stray.pop())
-        wheels = lcmtypes.wheel_state_t()
-        wheels.utime = now_us - 25_000 + self.off_us.get(channels.WHEEL_STATE.suffix, 0)
-        self.say(channels.WHEEL_STATE, wheels)
-        self.status.utime = now_us if self.stuck_us is None else self.stuck_us
-        self.status.utime += self.off_us.get(channels.ONBOARD_STATUS.suffix, 0)
-        self.say(channels.ONBOARD_STATUS, self.status)
-        logger = lcmtypes.logger_status_t()
-        logger.utime = now_us + self.off_us.get(channels.LOGGER_STATUS.suffix, 0)
-        logger.bytes = self.logged_bytes
-        self.say(channels.LOGGER_STATUS, logger)
-
-    def say(self, channel, message):
-        if channel.suffix not in self.silent:
-            self.port.publish(channel, message)
-
-
-class Driver:
-    """A node that only listens, and keeps what it is told."""
-
-    name = "controller"
-
-    def __init__(self, config, *, records):
-        self.config, self.records = config, records
-        self.told = []
-
-    def attach(self, port):
-        guard = Guard(self.config, 0.5)
-        self.inputs = DriveInputs(
-            port, self.config, guard, Commands(port, self.config, self.name), records=self.records
-        )
-        port.every(20.0, self.tick)
-        port.subscribe(
-            channels.INTERLOCK, lambda m: self.told.append((m.utime, m.reason, m.lasting))
-        )
-        self.port = port
-
-    def close(self):
-        pass
-
-    def tick(self, now_us):
-        assert now_us == self.port.now_us()
-        self.inputs.step(now_us, driving=False)
-
-
-class Bench:
-    def __init__(self, *, records=True):
-        config = load_config(robot="kinematic")
-        self.speakers, self.driver = Speakers(), Driver(config, records=records)
-        self.lab = Lockstep(config, start_us=10_000_000, process=100)
-        self.lab.add(self.speakers)
-        self.lab.add(self.driver)
-
-    def after(self, seconds):
-        self.lab.run(seconds)
-        return self.driver.inputs.interlock
 
 
 @pytest.mark.parametrize("records", [True, False])
@@ -183,54 +93,6 @@ def test_whatever_is_missing_keeps_it_from_being_driven(what, reason, cause, las
     interlock = bench.after(6.0)
     assert reason in interlock.reason
     assert (interlock.cause, interlock.lasting) == (cause, lasting)
-
-
-HOUR_US = 3_600_000_000
-CLOCKS = {
-    channels.WHEEL_STATE: "the onboard clock",
-    channels.ONBOARD_STATUS: "the onboard clock",
-    channels.LOGGER_STATUS: "the logger's clock",
-}
-
-
-@pytest.mark.parametrize("channel", CLOCKS, ids=lambda channel: channel.suffix)
-@pytest.mark.parametrize(("off_us", "said"), [(HOUR_US, "ahead of"), (-24 * HOUR_US, "behind")])
-def test_a_clock_that_is_wrong_is_named_and_the_robot_waits_for_it(channel, off_us, said):
-    bench = Bench()
-    assert bench.after(2.0) is None
-    bench.speakers.off_us[channel.suffix] = off_us
-    interlock = bench.after(6.0)
-    assert interlock.reason.startswith(f"{CLOCKS[channel]} is ")
-    assert f"{abs(off_us) // 1_000_000} s {said} this computer's clock" in interlock.reason
-    assert (interlock.cause, interlock.lasting) == (Cause.SILENCE, False)
-    bench.speakers.off_us.clear()
-    assert bench.after(2.0) is None
-
-
-@pytest.mark.parametrize("channel", CLOCKS, ids=lambda channel: channel.suffix)
-@pytest.mark.parametrize("what", HOSTILE)
-def test_one_message_of_another_time_is_passed_over(channel, what):
-    bench = Bench()
-    assert bench.after(2.0) is None
-    off_us = HOSTILE[what](bench.lab.now_us) - bench.lab.now_us
-    bench.speakers.off_us[channel.suffix] = max(-(2**62), min(2**62, off_us))
-    bench.after(0.05)
-    bench.speakers.off_us.clear()
-    for _ in range(20):
-        assert bench.after(0.05) is None
-
-
-@pytest.mark.parametrize("what", [what for what in HOSTILE if "just inside" not in what])
-def test_one_recorded_frame_of_another_time_does_not_stop_a_session(what):
-    bench = Bench()
-    assert bench.after(2.0) is None
-    frame = lcmtypes.mocap_pose_t()
-    now_us = bench.lab.now_us
-    frame.utime = max(-(2**63), min(2**63 - 1, HOSTILE[what](now_us)))
-    frame.x1_m, frame.tracking_valid = 0.3, True
-    bench.speakers.stray.append(frame)
-    for _ in range(20):
-        assert bench.after(0.05) is None
 
 
 def without_key(bench, channel):

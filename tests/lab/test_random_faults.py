@@ -98,15 +98,16 @@ def judge(stage, died_us, commander, blows):
     fastest = max(abs(sight.v_m_per_s) for sight in sights)
     beyond = max(excess_m(config.floor, sight.x1_m, sight.x2_m) for sight in sights)
     assert beyond <= floor.braking_m(fastest)
+    taken = any(blow.what == "second commander" for blow in blows)
     # Without a commander nothing moves for long.
-    deaths = [us for what, us in died_us.items() if what in (f"kill {commander}", "kill onboard")]
+    fatal = ("kill onboard",) if taken else (f"kill {commander}", "kill onboard")
+    deaths = [us for what, us in died_us.items() if what in fatal]
     if deaths:
         late = [s for s in sights if s.utime >= min(deaths) + STANDS_S * 1e6]
         assert all(map(is_at_rest, late))
     # What is said to be parked is, and stays so unless another commander takes it.
     if commander == "controller" and stage.message == "parked":
         said = [s for s in sights if s.utime <= stage.ended_us][-1]
-        taken = any(blow.what == "second commander" for blow in blows)
         for sight in [said] if taken else [said, sights[-1]]:
             assert_parked(stage, sight)
 
