@@ -5,7 +5,8 @@ import os
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from klab import MODEL, klab_json
+from klab import MODEL, klab_json, start_klab
+from real_bus import Ear
 
 from koopman_lab.robots.table import ROBOTS
 from offboard.bench.faults.stage import TruthSample
@@ -63,6 +64,16 @@ def test_what_a_process_holds_is_seen_until_it_has_ended():
 def test_each_strike_has_one_name_and_every_kind_of_robot_is_struck(robot):
     names = [(strike.name, strike.activity) for strike in strikes_for(robot)]
     assert len(names) == len(set(names)) > 50
+
+
+def test_nobody_is_left_behind_by_a_soak_that_is_killed(bus_url, tmp_path):
+    soak = start_klab("bench", "soak", "--model", MODEL, "--out", tmp_path / "soak")
+    ear = Ear(bus_url)
+    pids = ear.wait_for("plant", "onboard")
+    soak.kill()
+    soak.wait()
+    soak.stdout.close()
+    ear.wait_until_gone(pids)
 
 
 def test_a_lab_is_struck_in_real_time_and_comes_back(tmp_path):

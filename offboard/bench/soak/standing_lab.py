@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from offboard.lab.run_folder import RunFolder
 
 ROBOT = ("plant", "onboard")
+MORE = {"view": ("--port", "0")}
+"""Arguments of a node: whoever looks at another lab meanwhile keeps the usual port."""
 PATIENCE_S = 60.0
 """For a process to be heard or to end, however busy the machine is."""
 WAIT_S = 0.02
@@ -67,6 +69,7 @@ class StandingLab:
         self.session: subprocess.Popen[bytes] | None = None
         self._folder = folder
         self._robot: dict[str, subprocess.Popen[bytes]] = {}
+        self._lifeline_read, self._lifeline_write = os.pipe()
         listener.subscribe(PLANT_TRUTH, self._on_truth)
         listener.subscribe(ONBOARD_STATUS, self._on_status)
         for name, channel in HEARTBEATS.items():
@@ -83,8 +86,8 @@ class StandingLab:
         for name in names:
             process = self._robot.get(name)
             if process is None or process.poll() is not None:
-                arguments = ("offboard.cli.main", "run", name, "--config", self._folder.config)
-                self._robot[name] = self._start(name, *arguments)
+                arguments = ("run", name, "--config", self._folder.config)
+                self._robot[name] = self._start(name, *arguments, *MORE.get(name, ()))
         # The page only listens; it is there when it is started.
         self.pids |= {name: self._robot[name].pid for name in names if name not in HEARTBEATS}
         pids = {name: self._robot[name].pid for name in names}
@@ -95,11 +98,11 @@ class StandingLab:
 
     def begin(self, *command: str | Path, name: str = "session") -> None:
         """Start a session of `klab`; its words go to the run folder."""
-        self.session = self._start(name, "offboard.cli.main", *command)
+        self.session = self._start(name, *command)
 
     def also(self, *command: str | Path) -> subprocess.Popen[bytes]:
         """Start one more command of `klab` beside it."""
-        return self._start("also", "offboard.cli.main", *command)
+        return self._start("also", *command)
 
     @property
     def ended(self) -> bool:
@@ -195,16 +198,21 @@ class StandingLab:
                 process.wait(PATIENCE_S)
             process.kill()
             process.wait()
+        os.close(self._lifeline_write)
+        os.close(self._lifeline_read)
 
-    def _start(self, name: str, module: str, *arguments: str | Path) -> subprocess.Popen[bytes]:
+    def _start(self, name: str, *arguments: str | Path) -> subprocess.Popen[bytes]:
+        """Start a command of `klab` that ends when this process does, however it ends."""
         file = self._folder.process_log(name)
         file.parent.mkdir(parents=True, exist_ok=True)
+        lifeline = self._lifeline_read
         with file.open("ab") as log:
             return subprocess.Popen(
-                module_command(module, *arguments),
+                module_command("offboard.cli.end_with_parent", str(lifeline), *arguments),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
+                pass_fds=[lifeline],
                 start_new_session=True,
             )
 
