@@ -26,7 +26,8 @@ def checkout(where: Path) -> Path:
         (programs / name).write_text(f'#!/bin/sh\nexec {shlex.join(program)} "$@"\n')
         (programs / name).chmod(0o755)
     fingerprint = subprocess.run(
-        "cat pyproject.toml scripts/generate_types.py lcmtypes/*.lcm | cksum",
+        "cat pyproject.toml scripts/requirements.lock scripts/generate_types.py "
+        "lcmtypes/*.lcm | cksum",
         shell=True,
         cwd=where,
         capture_output=True,
