@@ -4,6 +4,8 @@
 set -euo pipefail
 ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
+. "$ROOT/scripts/installation.sh"
+
 fail() {
     printf '%s\n' "$@" >&2
     exit 2
@@ -18,13 +20,6 @@ find_python() {
         fi
     done
     fail "Python 3.10 or newer is missing." "On Debian or Ubuntu: sudo apt install python3 python3-venv"
-}
-
-# What the installation depends on; a change of it installs again.
-fingerprint() {
-    (cd "$ROOT" && cat pyproject.toml scripts/requirements.lock scripts/generate_types.py \
-        lcmtypes/*.lcm | cksum)
-    printf '%s\n' "$ROOT"
 }
 
 make_environment() {

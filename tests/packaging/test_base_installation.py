@@ -50,6 +50,9 @@ ALONE = (
     ("bench motor", ()),
     ("bench authentication", ("--messages", "100")),
     ("key new", ("lab.key",)),
+    ("config check", ()),
+    ("config show", ()),
+    ("log verify", ("session",)),
     ("bench estop", ("--tries", "1", "--load", "0")),
     ("bench dataset", ("session", "--repetitions", "1")),
     ("doctor", ()),
@@ -183,6 +186,8 @@ def test_every_other_command_is_tried_here():
     tried |= {f"run {name}" for name in HARDWARE}
     # What relays needs no more than who replays; tests/commands/test_relay.py runs it.
     tried |= {"up", "down", "replay", "goal", "relay"}
+    # What it floods is what `bench realtime` starts; tests/bench runs it.
+    tried |= {"bench flood"}
     always = {n for n, c in COMMANDS.items() if any(not x.option for x in needs_of(c.callback))}
     assert tried.isdisjoint(always)
     assert tried | always == COMMANDS.keys()

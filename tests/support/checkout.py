@@ -1,5 +1,6 @@
 """A copy of the scripts beside a virtual environment that stands ready."""
 
+import os
 import shlex
 import shutil
 import subprocess
@@ -26,13 +27,12 @@ def checkout(where: Path) -> Path:
         (programs / name).write_text(f'#!/bin/sh\nexec {shlex.join(program)} "$@"\n')
         (programs / name).chmod(0o755)
     fingerprint = subprocess.run(
-        "cat pyproject.toml scripts/requirements.lock scripts/generate_types.py "
-        "lcmtypes/*.lcm | cksum",
-        shell=True,
+        ["bash", "-c", '. scripts/installation.sh && fingerprint'],
         cwd=where,
+        env={**os.environ, "ROOT": str(where)},
         capture_output=True,
         text=True,
         check=True,
     ).stdout
-    (where / ".venv" / ".installed").write_text(f"{fingerprint}{where}\n")
+    (where / ".venv" / ".installed").write_text(fingerprint)
     return programs
