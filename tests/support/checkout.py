@@ -27,7 +27,7 @@ def checkout(where: Path) -> Path:
         (programs / name).write_text(f'#!/bin/sh\nexec {shlex.join(program)} "$@"\n')
         (programs / name).chmod(0o755)
     fingerprint = subprocess.run(
-        ["bash", "-c", '. scripts/installation.sh && fingerprint'],
+        ["bash", "-c", ". scripts/installation.sh && fingerprint"],
         cwd=where,
         env={**os.environ, "ROOT": str(where)},
         capture_output=True,
