@@ -23,8 +23,9 @@ were accepted beyond those sent are another's."""
 CLOCKS_TAKE = 3.0
 """So many times as long a board may find commands too old, until it knows the time again."""
 
+_OUT_OF_ORDER, _TOO_OLD = "out of order", "too old or of the future"
 _HINTS = {
-    "out of order": (
+    _OUT_OF_ORDER: (
         "another program sends commands under this one's number: look for it with `klab topics` "
         "and on other desks, and end it"
     ),
@@ -32,7 +33,7 @@ _HINTS = {
         "the onboard program has tighter limits: start both with the same --preset and --config"
     ),
     "of another type": "the onboard program drives another kind of robot: see --robot",
-    "too old or of the future": (
+    _TOO_OLD: (
         "the clocks of desk and board do not agree: see TIME_SYNC in `klab topics`, and start the "
         "onboard program again"
     ),
@@ -116,22 +117,30 @@ class RefusedCommands:
                 return (
                     f"the onboard program took {window.accepted} commands in "
                     f"{window.utime / US_PER_S:.1f} s, of which this program sent {window.sent}: "
-                    + _HINTS["out of order"]
+                    + _HINTS[_OUT_OF_ORDER]
                 )
-            complaint = _complaint(window, sum(window.refused[:-1]))
+            complaint = _complaint(window, _TOO_OLD)
             if complaint is not None:
                 return complaint
         if newest.utime - oldest.utime >= self._longest_us:
             window = newest.since(oldest)
-            return _complaint(window, sum(window.refused))
+            return _complaint(window)
         return None
 
 
-def _complaint(window: _Counts, refused: int) -> str | None:
-    """Return what to say of a time in which so many commands were refused, None if nothing."""
+def _complaint(window: _Counts, but: str = "") -> str | None:
+    """Return what to say of a time in which so many commands were refused, None if nothing.
+
+    What is refused ``but`` for that reason is left out. Only where somebody else's commands are
+    taken under this one's number are its own out of order while as many are accepted as it has
+    sent; whatever else is refused beside those is noise that strangers send.
+    """
+    by_why = dict(zip(_HINTS, window.refused, strict=True)) | {but: 0}
+    if window.accepted > (1.0 - LARGEST_SHARE) * window.sent:
+        by_why = {_OUT_OF_ORDER: by_why[_OUT_OF_ORDER]}
+    refused = sum(by_why.values())
     if window.sent < FEWEST_SENT or refused < LARGEST_SHARE * window.sent:
         return None
-    by_why = dict(zip(_HINTS, window.refused, strict=True))
     why = max(by_why, key=lambda text: by_why[text])
     return (
         f"the onboard program refused {refused} commands in {window.utime / US_PER_S:.1f} s, in "

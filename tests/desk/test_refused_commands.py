@@ -56,6 +56,14 @@ def test_commands_that_are_refused_are_named_within_the_limit(kind):
     assert KINDS[kind] in board.judge.complaint
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("noise", [1, 10, 1000])
+def test_what_strangers_send_beside_commands_that_are_taken_is_noise(kind, noise):
+    """Unless it is under our number, where theirs are taken, or ours, for what is newer."""
+    said_s = Board().said_after_s(**{"accepted": COMMANDS, kind: noise * COMMANDS})
+    assert (said_s is not None) is (kind == "refused_order")
+
+
 def test_commands_of_another_under_our_number_are_named_also_where_ours_are_taken():
     board = Board()
     assert board.said_after_s(limit_s=10.0, accepted=COMMANDS) is None
