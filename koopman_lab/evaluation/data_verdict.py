@@ -26,7 +26,7 @@ from koopman_lab.evaluation.likely_causes import (
 from koopman_lab.evaluation.motion_reasons import data_reasons
 from koopman_lab.evaluation.nominal_motion import NominalMotion, motion_of_data
 from koopman_lab.evaluation.plausibility import Reason, Verdict, verdict
-from koopman_lab.koopman.dictionary import Dictionary, dictionary
+from koopman_lab.koopman.dictionary import Dictionary
 from koopman_lab.koopman.excitation import Excitation, excitation, remedy
 from koopman_lab.koopman.lifted_samples import add_samples, lifted_samples
 from koopman_lab.koopman.moments import Moments
@@ -43,7 +43,7 @@ FILES_EXCHANGED = "X_i.dat and Y_i.dat are exchanged: each row of Y follows that
 def data_verdict(
     dataset: DataSet,
     spans: Mapping[int, Excitation] | None = None,
-    dictionary_name: str = "",
+    observables: Dictionary | None = None,
     *,
     cause_known: bool = False,
 ) -> Verdict:
@@ -56,8 +56,8 @@ def data_verdict(
     spans
         How the samples of each basis input excite a dictionary, from :func:`excitations`; None
         leaves that out.
-    dictionary_name
-        Name of the dictionary.
+    observables
+        The dictionary.
     cause_known
         Whether the verdict on its session says already why it may contradict the basis inputs.
     """
@@ -69,22 +69,15 @@ def data_verdict(
         "excitation": {str(index): _excited(span) for index, span in spans.items()},
     }
     reasons = [*_of_counts(dataset)]
-    if spans:
-        reasons += excitation_reasons(spans, dictionary(dictionary_name, dataset.robot_kind))
+    if observables is not None:
+        reasons += excitation_reasons(spans, observables)
     if motion is not None:
         reasons += _of_motion(dataset, motion, cause_known=cause_known)
     return verdict(reasons, figures)
 
 
-def excitations(dataset: DataSet, dictionary_name: str) -> dict[int, Excitation]:
-    """Return how the samples of each basis input excite a dictionary.
-
-    Raises
-    ------
-    ModelError
-        If there is no such dictionary for the robot.
-    """
-    observables = dictionary(dictionary_name, dataset.robot_kind)
+def excitations(dataset: DataSet, observables: Dictionary) -> dict[int, Excitation]:
+    """Return how the samples of each basis input excite a dictionary."""
     spans = {}
     for index in sorted(dataset.basis_inputs):
         moments = Moments(observables.size)

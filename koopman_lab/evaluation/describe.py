@@ -30,7 +30,7 @@ def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:
     """
     observables = dictionary(dictionary_name, dataset.robot_kind)
     names = dataset.robot.state_names
-    spans = excitations(dataset, dictionary_name)
+    spans = excitations(dataset, observables)
     bases = {}
     for index, u in sorted(dataset.basis_inputs.items()):
         X, Y = dataset.X[index], dataset.Y[index]
@@ -60,6 +60,6 @@ def describe(dataset: DataSet, dictionary_name: str) -> dict[str, Any]:
         "basis_inputs": bases,
         "verdicts": {
             name: verdict.as_dict()
-            for name, verdict in recorded_verdicts(dataset, spans, observables.name).items()
+            for name, verdict in recorded_verdicts(dataset, spans, observables).items()
         },
     }

@@ -15,6 +15,7 @@ from koopman_lab.evaluation.likely_causes import frame_causes, of_fit
 from koopman_lab.evaluation.motion_reasons import because
 from koopman_lab.evaluation.plausibility import Level, Reason, Verdict, verdict
 from koopman_lab.geometry.displacement_fit import DisplacementFit
+from koopman_lab.koopman.dictionary import Dictionary
 from koopman_lab.koopman.excitation import Excitation
 
 ACCOUNT = "session"
@@ -49,7 +50,9 @@ WRONG_FRAMES = {
 
 
 def recorded_verdicts(
-    dataset: DataSet, spans: Mapping[int, Excitation] | None = None, dictionary_name: str = ""
+    dataset: DataSet,
+    spans: Mapping[int, Excitation] | None = None,
+    observables: Dictionary | None = None,
 ) -> dict[str, Verdict]:
     """Judge a data set and, where it says of what session it is, the session: by their names.
 
@@ -57,12 +60,12 @@ def recorded_verdicts(
     """
     account = dataset.metadata.get(ACCOUNT)
     if account is None:
-        return {"data": data_verdict(dataset, spans, dictionary_name)}
+        return {"data": data_verdict(dataset, spans, observables)}
     # The wheels tell what is wrong with the frame better than the inputs alone.
     known = account["agreement"]["systematic"] or account["clock_offset_s"] is not None
     return {
         "session": session_verdict(dataset.metadata),
-        "data": data_verdict(dataset, spans, dictionary_name, cause_known=known),
+        "data": data_verdict(dataset, spans, observables, cause_known=known),
     }
 
 

@@ -216,7 +216,8 @@ def _filter(lab: LabConfig) -> Iterator[Finding]:
     from koopman_lab.bus.realtime import Listener
 
     with contextlib.suppress(BusError):  # a bus that cannot be used is a finding of its own
-        fault = Listener(lab).filter_fault()
+        # What is wrong with the key is a finding of its own, too.
+        fault = Listener(lab, lambda _: None).filter_fault()
         yield Finding(
             "datagram filter",
             fault or "datagrams that are none of LCM's, or too large, reach no process",

@@ -14,6 +14,7 @@ from koopman_lab.errors import LabError
 from koopman_lab.evaluation.data_verdict import excitations
 from koopman_lab.evaluation.plausibility import Reason, Verdict, together, verdict
 from koopman_lab.evaluation.session_verdict import recorded_verdicts
+from koopman_lab.koopman.dictionary import dictionary
 from offboard.desk.floor import require_sets_on_floor
 from offboard.desk.results import CalibrationOutcome, CalibrationSummary
 from offboard.lab.run_folder import RunFolder
@@ -170,8 +171,8 @@ def _judged(log: SessionLog, segments: int) -> tuple[dict[str, int], Verdict]:
         return {}, verdict([Reason("unusable", "no segment was completed")], {})
     try:
         dataset = DataSet.from_log(log)
-        name = log.config().model.dictionary
-        parts = recorded_verdicts(dataset, excitations(dataset, name), name)
+        observables = dictionary(log.config().model.dictionary, dataset.robot_kind)
+        parts = recorded_verdicts(dataset, excitations(dataset, observables), observables)
     except LabError as error:
         return {}, verdict([Reason("unusable", str(error))], {})
     return {str(index): len(x) for index, x in dataset.X.items()}, together(**parts)

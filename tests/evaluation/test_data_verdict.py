@@ -15,6 +15,7 @@ from koopman_lab.evaluation.nominal_motion import motion_of_data
 from koopman_lab.koopman.dictionary import dictionary
 
 KINDS = ("kinematic", "dynamic")
+D5T = dictionary("D5t", "kinematic")
 DATA = {kind: ideal_dataset(kind) for kind in KINDS}
 FACTORS = st.floats(-3.0, 3.0).map(lambda exponent: 10.0**exponent)
 QUARTERS = st.sampled_from([0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi])
@@ -150,11 +151,11 @@ def test_nothing_at_all_is_unusable():
 
 def test_samples_that_do_not_span_a_dictionary_are_weak():
     short = ideal_dataset("kinematic", segments=1)
-    judged = data_verdict(short, excitations(short, "D5t"), "D5t")
+    judged = data_verdict(short, excitations(short, D5T), D5T)
     assert judged.level == "weak"
     assert "span only 3 of the 5 observables of D5t" in judged.text
-    spans = excitations(short, "D5t")
-    (first, *_) = excitation_reasons(spans, dictionary("D5t", "kinematic"), regularised=True)
+    spans = excitations(short, D5T)
+    (first, *_) = excitation_reasons(spans, D5T, regularised=True)
     assert first.text.endswith("observables of D5t; the ridge decides the rest")
 
 

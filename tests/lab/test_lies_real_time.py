@@ -38,8 +38,9 @@ def test_a_session_with_wrong_axes_or_cables_stops_at_once_and_says_what_to_chec
     assert code in (1, 2), said
     assert says in " ".join(said.split())
     moved = [s for s in witness.sights if abs(s.v_m_per_s) > 0.02 or abs(s.omega_rad_per_s) > 0.1]
+    # In motion: a session on a busy machine may have to wait in between for what comes late.
     limit_s = by_guard_after_turning(witness.config) + BUSY_S
-    assert moved[-1].utime - moved[0].utime <= limit_s * 1e6
+    assert len(moved) / witness.config.motor_loop.rate_hz <= limit_s
     assert rolled_m(moved) <= FARTHEST_M
     floor = witness.config.floor
     assert max(excess_m(floor, s.x1_m, s.x2_m) for s in witness.sights) == 0.0

@@ -166,12 +166,14 @@ def import_(
     _judge(dataset, load_config(robot=dataset.robot_kind).model.dictionary)
 
 
-def _judge(dataset: DataSet, dictionary: str) -> None:
+def _judge(dataset: DataSet, dictionary_name: str) -> None:
     """Show the verdicts on a data set and its session."""
     from koopman_lab.evaluation.data_verdict import excitations
     from koopman_lab.evaluation.session_verdict import recorded_verdicts
+    from koopman_lab.koopman.dictionary import dictionary
 
-    show_verdicts(recorded_verdicts(dataset, excitations(dataset, dictionary), dictionary))
+    observables = dictionary(dictionary_name, dataset.robot_kind)
+    show_verdicts(recorded_verdicts(dataset, excitations(dataset, observables), observables))
 
 
 def _with_origin(opened: Source) -> DataSet:
