@@ -80,6 +80,10 @@ class RefusedCommands:
         self._limit_us = round(limit_s * US_PER_S)
         self._longest_us = round(CLOCKS_TAKE * limit_s * US_PER_S)
         self._seen: deque[_Counts] = deque()
+        self._younger: deque[_Counts] = deque()
+        """Those that came within the limit."""
+        self._recent: _Counts | None = None
+        """The newest of the others."""
 
     def see(self, status: lcmtypes.onboard_status_t, sent: int, now_us: int) -> None:
         """Take a status that arrives at ``now_us``, when ``sent`` commands had been sent."""
@@ -94,7 +98,12 @@ class RefusedCommands:
         # Of a robot that is another's or stopped, and of a loop that counts anew, nothing is known.
         if others or stopped or (self._seen and self._begins_anew(counts)):
             self._seen.clear()
+            self._younger.clear()
+            self._recent = None
         self._seen.append(counts)
+        self._younger.append(counts)
+        while now_us - self._younger[0].utime >= self._limit_us:
+            self._recent = self._younger.popleft()
         while len(self._seen) > 1 and now_us - self._seen[1].utime >= self._longest_us:
             self._seen.popleft()
         if self.complaint is None:
@@ -107,24 +116,21 @@ class RefusedCommands:
         )
 
     def _judge(self) -> str | None:
-        newest, oldest = self._seen[-1], self._seen[0]
-        recent = next(
-            (c for c in reversed(self._seen) if newest.utime - c.utime >= self._limit_us), None
-        )
+        newest, oldest, recent = self._seen[-1], self._seen[0], self._recent
         if recent is not None:
-            window = newest.since(recent)
-            if window.accepted > window.sent + MORE_THAN_SENT:
+            if newest.accepted - recent.accepted > newest.sent - recent.sent + MORE_THAN_SENT:
+                window = newest.since(recent)
                 return (
                     f"the onboard program took {window.accepted} commands in "
                     f"{window.utime / US_PER_S:.1f} s, of which this program sent {window.sent}: "
                     + _HINTS[_OUT_OF_ORDER]
                 )
-            complaint = _complaint(window, _TOO_OLD)
-            if complaint is not None:
-                return complaint
-        if newest.utime - oldest.utime >= self._longest_us:
-            window = newest.since(oldest)
-            return _complaint(window)
+            if newest.refused != recent.refused:
+                complaint = _complaint(newest.since(recent), _TOO_OLD)
+                if complaint is not None:
+                    return complaint
+        if newest.utime - oldest.utime >= self._longest_us and newest.refused != oldest.refused:
+            return _complaint(newest.since(oldest))
         return None
 
 

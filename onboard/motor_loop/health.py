@@ -10,8 +10,8 @@ from koopman_lab.bus.replay_guard import SILENCE_US
 from koopman_lab.config.motor_loop import MotorLoop
 from koopman_lab.geometry.planar import TAU
 from koopman_lab.units import US_PER_S
-from onboard.motor_loop.wheel_pair import LEFT, RIGHT, WheelPairPlausibility
-from onboard.motor_loop.wheel_plausibility import Contradiction, WheelPlausibility
+from onboard.motor_loop.wheel_pair import LEFT, RIGHT
+from onboard.motor_loop.wheels_plausibility import WheelsPlausibility
 
 OLDEST_US = 30_000
 """Counters that are older, three ticks, say nothing about a wheel."""
@@ -20,14 +20,6 @@ FOLLOW_US = 2 * SILENCE_US
 their driver may take the board for another sender at first."""
 FAULTS = len(Fault)
 NO_FAULT = Fault.NO_FAULT
-WHEEL_FAULTS = {
-    (LEFT, Contradiction.CONTRARY): Fault.LEFT_WHEEL_CONTRARY,
-    (RIGHT, Contradiction.CONTRARY): Fault.RIGHT_WHEEL_CONTRARY,
-    (LEFT, Contradiction.TOO_FAST): Fault.LEFT_WHEEL_TOO_FAST,
-    (RIGHT, Contradiction.TOO_FAST): Fault.RIGHT_WHEEL_TOO_FAST,
-    (LEFT, Contradiction.TOO_SLOW): Fault.LEFT_WHEEL_TOO_SLOW,
-    (RIGHT, Contradiction.TOO_SLOW): Fault.RIGHT_WHEEL_TOO_SLOW,
-}
 
 
 class Health:
@@ -36,7 +28,12 @@ class Health:
     A stuck encoder and a blocked motor look the same from here: a wheel is driven and its counter
     stands still. Both stop the robot, the sooner the harder the wheel is driven: with a stuck
     encoder the speed controller sees no speed and drives ever harder. A wheel that turns, but not
-    as it should, is :class:`WheelPlausibility`'s affair.
+    as it should, is :class:`WheelsPlausibility`'s affair.
+
+    Attributes
+    ----------
+    wheels
+        Judges wheels that turn.
 
     Parameters
     ----------
@@ -56,11 +53,9 @@ class Health:
         self._stuck_effort_us = health.stuck_duty * health.stuck_s * US_PER_S
         one_count_rad_per_s = TAU / settings.encoder_counts_per_rev * settings.rate_hz
         full_duty_rad_per_s = settings.pid.feed_forward_full_duty_rad_per_s
-        self._wheels = tuple(
-            WheelPlausibility(one_count_rad_per_s, full_duty_rad_per_s, fastest_rad_per_s)
-            for _ in (LEFT, RIGHT)
+        self.wheels = WheelsPlausibility(
+            one_count_rad_per_s, full_duty_rad_per_s, fastest_rad_per_s
         )
-        self._pair = WheelPairPlausibility(one_count_rad_per_s)
         self._checked_us: int | None = None
         self._read_us: int | None = None
         self.reset()
@@ -70,12 +65,7 @@ class Health:
         self._follow_us = follow_us
         self._all_good_us: int | None = None
         self._settle()
-        self._forget_wheels()
-
-    def _forget_wheels(self) -> None:
-        for wheel in self._wheels:
-            wheel.reset()
-        self._pair.reset()
+        self.wheels.reset()
 
     def _settle(self) -> None:
         """Forget what was doubted."""
@@ -160,23 +150,15 @@ class Health:
         """
         before_us, self._read_us = self._read_us, encoder_us
         passed_us = 0 if before_us is None else encoder_us - before_us
-        regular = 0 < passed_us <= OLDEST_US
-        if regular:
-            self._follow_us -= passed_us
-        if not regular or self._follow_us > 0:
-            self._forget_wheels()
+        if not 0 < passed_us <= OLDEST_US:
+            self.wheels.reset()
             return NO_FAULT
-        passed_s = passed_us / US_PER_S
-        runaway = self._pair.judge(duties, setpoints, speeds, passed_s)
-        if runaway is not None:
-            return WHEEL_FAULTS[runaway, Contradiction.CONTRARY]
-        for side in (LEFT, RIGHT):
-            contradiction = self._wheels[side].judge(
-                duties[side], setpoints[side], speeds[side], passed_s
-            )
-            if contradiction is not None:
-                return WHEEL_FAULTS[side, contradiction]
-        return NO_FAULT
+        if self._follow_us > 0:
+            self._follow_us -= passed_us
+            if self._follow_us > 0:
+                self.wheels.reset()
+                return NO_FAULT
+        return self.wheels.judge(duties, setpoints, speeds, passed_us / US_PER_S)
 
     def _is_strained(self, wheel: int, idle: bool, duties: Sequence[float], passed_us: int) -> bool:
         """Add up a wheel's duty over the time in which it should turn and does not."""

@@ -44,6 +44,11 @@ class WheelPairPlausibility:
         """Return the doubt of the pair: 0 none, 1 sure."""
         return max(self._difference.doubt, self._sum.doubt)
 
+    @property
+    def is_settled(self) -> bool:
+        """Return whether nothing of the past counts."""
+        return not self._difference.began and not self._sum.began
+
     def reset(self) -> None:
         """Forget the past."""
         self._difference.ends()

@@ -66,6 +66,11 @@ class WheelPlausibility:
         """Return the doubt that the wheel is braked: 0 none, 1 sure that it is not."""
         return self._running_on.doubt
 
+    @property
+    def is_settled(self) -> bool:
+        """Return whether nothing of the past counts."""
+        return not self._running_on.began and self._best == -math.inf
+
     def reset(self) -> None:
         """Forget the past."""
         self._running_on.ends()

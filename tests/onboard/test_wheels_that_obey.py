@@ -38,8 +38,7 @@ def largest_doubt(bench, seed, seconds):
             refusal = bench.command(u, intent=Intent.CONTINUE if k else Intent.BEGIN)
             assert refusal is None, bench.loop.fault
         bench.tick()
-        health = bench.loop._health
-        largest = max(largest, health._pair.doubt, *(wheel.doubt for wheel in health._wheels))
+        largest = max(largest, bench.loop._health.wheels.doubt)
     assert not bench.loop.fault
     return largest
 
