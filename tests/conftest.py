@@ -78,6 +78,15 @@ def pytest_unconfigure() -> None:
         shutil.rmtree(_CACHE, ignore_errors=True)
 
 
+@pytest.fixture(autouse=True)
+def _ordinary_priority() -> Iterator[None]:
+    """Give up the priority that a node had which ran in this process: children would inherit it."""
+    yield
+    with contextlib.suppress(OSError, AttributeError):
+        if os.sched_getscheduler(0) != os.SCHED_OTHER:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
 @pytest.fixture(autouse=True, scope="module")
 def _labs_forgotten() -> Iterator[None]:
     """Forget the labs that a file's tests broke: they are no news to those of the next."""
