@@ -96,9 +96,9 @@ class StandingLab:
             f"{', '.join(names)}: not heard",
         )
 
-    def begin(self, *command: str | Path, name: str = "session") -> None:
+    def begin(self, *command: str | Path) -> None:
         """Start a session of `klab`; its words go to the run folder."""
-        self.session = self._start(name, *command)
+        self.session = self._start("session", *command)
 
     def also(self, *command: str | Path) -> subprocess.Popen[bytes]:
         """Start one more command of `klab` beside it."""

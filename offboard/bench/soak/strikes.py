@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from koopman_lab.bus.channels import ESTOP
@@ -59,7 +59,7 @@ class Strike:
     act: Callable[[StandingLab, Path], None]
     bound: Bound | None = None
     wrong: tuple[Fault, ...] = ()
-    faults: tuple[Fault, ...] = field(default=())
+    faults: tuple[Fault, ...] = ()
 
 
 def strikes_for(robot: RobotType) -> list[Strike]:
