@@ -2,7 +2,7 @@
 
 import pytest
 from klab import MODEL, SMALL_AREA, alive, klab_ok, start_klab
-from witness import Witness
+from witness import standing_robot
 
 from offboard.bench.faults.bounds import by_driver, by_estop, by_watchdog
 
@@ -14,16 +14,8 @@ PARK = ("--start", "-1.2", "0.2", "0", "--set", "controller.horizon=20", *SHORT_
 
 @pytest.fixture
 def witness(bus_url):
-    """Run a robot that no session owns: it stays when the session has ended."""
-    witness = Witness(bus_url)
-    robot = [start_klab("run", name, "--preset", "lab") for name in ("plant", "onboard")]
-    try:
-        witness.wait(lambda: {"plant", "onboard"} <= witness.pids.keys())
+    with standing_robot(bus_url) as witness:
         yield witness
-    finally:
-        for process in robot:
-            process.terminate()
-            process.communicate(timeout=30)
     assert not [name for name, pid in witness.pids.items() if alive(pid)]
 
 

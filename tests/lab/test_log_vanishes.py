@@ -4,7 +4,7 @@ import os
 
 import pytest
 from klab import MODEL, SMALL_AREA, start_klab
-from witness import Witness
+from witness import standing_robot
 
 from koopman_lab.data.decode import SessionLog
 from offboard.bench.faults.bounds import by_controller
@@ -21,16 +21,8 @@ SESSIONS = {
 
 @pytest.fixture
 def witness(bus_url):
-    """Run a robot that no session owns: it stays when the session has ended."""
-    witness = Witness(bus_url)
-    robot = [start_klab("run", name, "--preset", "lab") for name in ("plant", "onboard")]
-    try:
-        witness.wait(lambda: {"plant", "onboard"} <= witness.pids.keys())
+    with standing_robot(bus_url) as witness:
         yield witness
-    finally:
-        for process in robot:
-            process.terminate()
-            process.communicate(timeout=30)
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,11 @@
 """Sees the true robot of a lab in real time, and who is alive."""
 
+import contextlib
 import os
 import signal
 
 import pytest
+from klab import start_klab
 
 from koopman_lab.bus.channels import HEARTBEATS, PLANT_TRUTH
 from koopman_lab.bus.realtime import Listener
@@ -65,3 +67,17 @@ class Witness:
         seen = len(self.sights)
         self.wait(lambda: len(self.sights) >= seen + 50)
         return max((s.utime - struck_us) * 1e-6 for s in self.sights if not is_at_rest(s))
+
+
+@contextlib.contextmanager
+def standing_robot(url):
+    """Run a robot that no session owns, which stays when a session has ended; give its witness."""
+    witness = Witness(url)
+    robot = [start_klab("run", name, "--preset", "lab") for name in ("plant", "onboard")]
+    try:
+        witness.wait(lambda: {"plant", "onboard"} <= witness.pids.keys())
+        yield witness
+    finally:
+        for process in robot:
+            process.terminate()
+            process.communicate(timeout=30)
