@@ -21,6 +21,8 @@ from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 
 MESSAGE, TIMER = 0, 1
+NEVER_US = 2**63
+"""Of a message that no timer waits for, so that there is always one to compare with."""
 
 
 class LockstepPort(BasePort):
@@ -31,7 +33,7 @@ class LockstepPort(BasePort):
     def __init__(self, node_name: str, config: LabConfig, runner: Lockstep, order: int) -> None:
         super().__init__(node_name, config, runner.process)
         self._runner = runner
-        self._order = order
+        self._rank = 2 * order + MESSAGE
         self.audience = runner.routes
 
     def bus_us(self) -> int:
@@ -49,12 +51,12 @@ class LockstepPort(BasePort):
         listeners = runner.routes.get(name)
         if listeners is not None:
             now_us, push = runner.now_us, runner.push
-            for order, receive in listeners:
-                push(now_us, order, receive, data)
+            for rank, receive in listeners:
+                push(now_us, rank, receive, data)
 
     def deliver_at(self, at_us: int, deliver: Deliver, data: bytes) -> None:
         """Hand over a message at ``at_us`` among this node's others."""
-        self._runner.push(at_us, self._order, deliver, data)
+        self._runner.push(at_us, self._rank, deliver, data)
 
 
 class Lockstep:
@@ -82,11 +84,11 @@ class Lockstep:
         self._nodes: list[Node] = []
         self._ports: list[LockstepPort] = []
         self.routes: dict[str, list[tuple[int, Deliver]]] = {}
-        """Maps a channel's name to its listeners: a node's order, and what hands it messages."""
+        """Maps a channel's name to its listeners: a node's rank, and what hands it messages."""
         # Apart, because most messages come at once, past all the timers that wait.
-        self._messages: list[tuple[int, int, int, Any, bytes]] = []
+        self._messages: list[tuple[int, int, int, Any, bytes]] = [(NEVER_US, 0, 0, None, b"")]
         self._timers: list[tuple[int, int, int, Any]] = []
-        self._sequence = count()
+        self._number = count().__next__
         self._injector: LockstepPort | None = None
 
     def add(self, node: Node, wrap: Wrap | None = None) -> None:
@@ -97,10 +99,11 @@ class Lockstep:
         self._nodes.append(node)
         self._ports.append(port)
         for name, subscription in port.subscriptions.items():
-            self.routes.setdefault(name, []).append((order, subscription.arrive))
+            rank = 2 * order + MESSAGE
+            self.routes.setdefault(name, []).append((rank, subscription.arrive))
         for timer in port.timers:
             timer.start(self.now_us)
-            item = (timer.deadline_us, 2 * order + TIMER, next(self._sequence), timer)
+            item = (timer.deadline_us, 2 * order + TIMER, self._number(), timer)
             heapq.heappush(self._timers, item)
 
     def publish(self, channel: Channel[M], message: M) -> None:
@@ -111,10 +114,9 @@ class Lockstep:
         """Send bytes as if somebody outside the nodes had sent them now."""
         self._injection_port().send(name, data)
 
-    def push(self, at_us: int, order: int, deliver: Deliver, data: bytes) -> None:
-        """Hand a message over at ``at_us``, among the others of one node."""
-        item = (at_us, 2 * order + MESSAGE, next(self._sequence), deliver, data)
-        heapq.heappush(self._messages, item)
+    def push(self, at_us: int, rank: int, deliver: Deliver, data: bytes) -> None:
+        """Hand a message over at ``at_us``, among the others of the node of this rank."""
+        heapq.heappush(self._messages, (at_us, rank, self._number(), deliver, data))
 
     def run(
         self,
@@ -139,25 +141,28 @@ class Lockstep:
         """
         end_us = self.now_us + round(limit_s * US_PER_S)
         next_report_us = self.now_us
-        messages, timers, sequence = self._messages, self._timers, self._sequence
+        messages, timers, number = self._messages, self._timers, self._number
         pop, replace = heapq.heappop, heapq.heapreplace
+        now_us = self.now_us
         # Every node has a timer, its heartbeat; so there is one as soon as there is a node.
         while timers:
-            is_message = messages and messages[0] < timers[0]
-            time_us = messages[0][0] if is_message else timers[0][0]
-            if time_us > self.now_us:
+            next_timer = timers[0]
+            time_us, rank, _, timer = next_timer
+            is_message = messages[0] < next_timer
+            if is_message:
+                time_us = messages[0][0]
+            if time_us > now_us:
                 if time_us > end_us:
                     break
                 if self.finished:
                     return True
-                self.now_us = time_us
+                self.now_us = now_us = time_us
             if is_message:
                 _, _, _, deliver, data = pop(messages)
                 deliver(data, time_us)
             else:
-                _, rank, _, timer = timers[0]
-                timer.fire_in_time()
-                replace(timers, (timer.deadline_us, rank, next(sequence), timer))
+                timer.tick(time_us)
+                replace(timers, (timer.go_on(), rank, number(), timer))
             if time_us >= next_report_us:
                 next_report_us += US_PER_S
                 if on_progress is not None:

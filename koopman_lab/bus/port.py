@@ -29,7 +29,9 @@ class Timer:
         self.tick = tick
         self.deadline_us = 0
         """Nominal time of the next tick."""
-        self._period_us = US_PER_S / rate_hz
+        # Of fractions, so that deadlines are exact however long it runs.
+        ticks, seconds = rate_hz.as_integer_ratio()
+        self._seconds_us, self._ticks, self._two_ticks = 2 * seconds * US_PER_S, ticks, 2 * ticks
         self.start(0)
 
     def start(self, at_us: int) -> None:
@@ -50,20 +52,22 @@ class Timer:
         the component at times that have passed.
         """
         late_us = now_us - self.deadline_us
-        if late_us >= self._period_us:
-            skipped = int(late_us / self._period_us)
+        skipped = late_us * self._two_ticks // self._seconds_us
+        if skipped > 0:
             self.missed += skipped
-            self._index += skipped
-            self.deadline_us = self._start_us + round(self._index * self._period_us)
-            late_us = now_us - self.deadline_us
-        self.fire_in_time()
+            self._index += skipped - 1
+            late_us = now_us - self.go_on()
+        self.tick(self.deadline_us)
+        self.go_on()
         return late_us
 
-    def fire_in_time(self) -> None:
-        """Run the next tick, where none can be late."""
-        self.tick(self.deadline_us)
+    def go_on(self) -> int:
+        """Count a tick that has been run; return the nominal time of the next one (us)."""
         self._index = index = self._index + 1
-        self.deadline_us = self._start_us + round(index * self._period_us)
+        self.deadline_us = deadline_us = (
+            self._start_us + (index * self._seconds_us + self._ticks) // self._two_ticks
+        )
+        return deadline_us
 
 
 class AnyName:

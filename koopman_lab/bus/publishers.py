@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from typing import Any, Literal, NamedTuple
 
 from koopman_lab.bus.channel import ABOARD, Channel
-from koopman_lab.bus.sequence import MOST_OTHER_PUBLISHERS, PLACE, SequenceCounter
+from koopman_lab.bus.sequence import MOST_OTHER_PUBLISHERS, SequenceCounter
 from koopman_lab.units import US_PER_S
 
 TURNS = 3
@@ -75,11 +75,6 @@ class Publishers:
     def take(self, sequence: int, utime: int, arrived_us: int) -> None:
         """Take the number of a message, its sender's stamp, and when it arrived (us)."""
         counter = self.counter
-        if sequence == counter.next_number:
-            # As update() does with nearly all messages, without another call for each.
-            counter.next_number = sequence + 1
-            counter.stamps[sequence & PLACE] = utime
-            return
         publisher = counter.publisher
         counter.update(sequence, utime)
         if counter.publisher != publisher:

@@ -9,6 +9,7 @@ from koopman_lab.bus.header import header_reader
 from koopman_lab.bus.node import RawHandler
 from koopman_lab.bus.publishers import Publishers
 from koopman_lab.bus.replay_guard import ReplayGuard
+from koopman_lab.bus.sequence import PLACE
 
 if TYPE_CHECKING:
     from koopman_lab.bus.admission import Admission
@@ -37,7 +38,6 @@ class Subscription:
     def __init__(self, name: str, message_type: Any) -> None:
         self.publishers = Publishers()
         self.counter = self.publishers.counter
-        self._note_sender = self.publishers.take
         self.undecodable = 0
         """Were no message of the channel's type. Only raw handlers have them."""
         self.raw_handlers: list[RawHandler] = []
@@ -66,7 +66,13 @@ class Subscription:
                 return
             if self.amend is not None:
                 data = self.amend(data, utime)
-            self._note_sender(sequence, utime, arrived_us)
+            counter = self.counter
+            if sequence == counter.next_number:
+                # As update() does with nearly all messages, without two calls for each.
+                counter.next_number = sequence + 1
+                counter.stamps[sequence & PLACE] = utime
+            else:
+                self.publishers.take(sequence, utime, arrived_us)
         for handle_raw in self.raw_handlers:
             handle_raw(self._name, data, arrived_us)
         if header is None or not self.handlers:

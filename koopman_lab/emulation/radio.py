@@ -44,7 +44,9 @@ class Radio:
         Calls come in order of time. ``loss`` is the share that a fault loses, if that is more.
         """
         rng = self._rng
-        if self._in_burst(now_us) or rng.random() < max(self._loss, loss):
+        if self._burst_rate_hz and self._in_burst(now_us):
+            return ()
+        if rng.random() < max(self._loss, loss):
             return ()
         if rng.random() < self._duplication:
             return self._arrival(now_us), self._arrival(now_us)
@@ -61,8 +63,6 @@ class Radio:
 
     def _in_burst(self, now_us: int) -> bool:
         rng, rate_hz = self._rng, self._burst_rate_hz
-        if rate_hz == 0.0:
-            return False
         if self._burst_end_us is None:
             self._burst_end_us = now_us
         while now_us >= self._burst_end_us:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 Angle = TypeVar("Angle", float, "NDArray[np.float64]")
 
-TAU = 2.0 * math.pi
+PI, TAU = math.pi, 2.0 * math.pi
 
 
 class Pose(NamedTuple):
@@ -43,9 +43,9 @@ REST = Velocity(0.0, 0.0)
 
 def wrap_angle(theta: Angle) -> Angle:
     """Shift an angle (rad; a float or an array) by a multiple of 2 pi into (-pi, pi]."""
-    wrapped = math.pi - (math.pi - theta) % TAU
+    wrapped = PI - (PI - theta) % TAU
     if isinstance(wrapped, (float, int)):
-        return math.pi if wrapped <= -math.pi else wrapped
+        return PI if wrapped <= -PI else wrapped
     import numpy as np  # whoever has an array has loaded it
 
     return np.where(wrapped <= -math.pi, math.pi, wrapped)

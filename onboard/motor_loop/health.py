@@ -105,14 +105,17 @@ class Health:
         """
         before_us, self._checked_us = self._checked_us, now_us
         low = battery_v is not None and battery_v < self._battery_low_v
-        fresh = encoder_us is not None and is_current(encoder_us, now_us, self._oldest_us)
-        silent = not fresh and not self.hears(encoder_us, now_us) and any(duties)
-        if fresh and encoder_us is not None and encoder_us != self._read_us:
-            fault = self._contradiction(encoder_us, duties, speeds, setpoints)
-            if fault:
-                return fault
-        left_idle = fresh and speeds[LEFT] == 0.0 and abs(duties[LEFT]) > self._stuck_duty
-        right_idle = fresh and speeds[RIGHT] == 0.0 and abs(duties[RIGHT]) > self._stuck_duty
+        silent = left_idle = right_idle = False
+        if encoder_us is not None and is_current(encoder_us, now_us, self._oldest_us):
+            if encoder_us != self._read_us:
+                fault = self._contradiction(encoder_us, duties, speeds, setpoints)
+                if fault:
+                    return fault
+            if 0.0 in speeds:
+                left_idle = speeds[LEFT] == 0.0 and abs(duties[LEFT]) > self._stuck_duty
+                right_idle = speeds[RIGHT] == 0.0 and abs(duties[RIGHT]) > self._stuck_duty
+        else:
+            silent = not self.hears(encoder_us, now_us) and any(duties)
         if not (silent or low or left_idle or right_idle):
             self._all_good_us = now_us
             if self._in_doubt:

@@ -85,7 +85,7 @@ class MotorLoop:
         self._duties = NO_DUTY
         self._wheel_setpoints: Speeds = STANDING
         self._health = Health(loop, self._fastest_wheel())
-        self._wheels = (WheelController(loop.pid), WheelController(loop.pid))
+        self._wheels = tuple(WheelController(loop.pid, self._tick_s) for _ in (LEFT, RIGHT))
 
     def command(self, command: Command, now_us: int) -> Refusal | None:
         """Take a command; return why it was refused, or None."""
@@ -172,9 +172,15 @@ class MotorLoop:
         return True
 
     def _driven_duties(self, measured: Speeds, now_us: int) -> Duties:
-        self._move_setpoint(now_us)
-        ends = self._releasing or self.state is WATCHDOG
-        if not ends or self.setpoint != REST or self._holds(measured):
+        """Move the set-point on by a tick, and return the duties that bring the wheels to it."""
+        if self.state is DRIVING and not self._releasing:
+            if not self.arbiter.is_silent(now_us):
+                self.setpoint = self._commanded.step(self.setpoint)
+                return self._control(measured)
+            self.arbiter.revoke()
+            self.state = WATCHDOG
+        self.setpoint = approach(self.setpoint, REST, self._limits, self._tick_s)
+        if self.setpoint != REST or self._holds(measured):
             return self._control(measured)
         self._stop_at_once(AT_REST if self._releasing else WATCHDOG)
         return NO_DUTY
@@ -210,15 +216,6 @@ class MotorLoop:
             self._held_ticks = 0
             self.state = WATCHDOG
 
-    def _move_setpoint(self, now_us: int) -> None:
-        if self.state is DRIVING and not self._releasing and self.arbiter.is_silent(now_us):
-            self.arbiter.revoke()
-            self.state = WATCHDOG
-        if self._releasing or self.state is WATCHDOG:
-            self.setpoint = approach(self.setpoint, REST, self._limits, self._tick_s)
-        else:
-            self.setpoint = self._commanded.step(self.setpoint)
-
     def _control(self, measured: Speeds) -> Duties:
         left_wheel, right_wheel = self._wheels
         if self.setpoint == REST and measured == STANDING:
@@ -231,8 +228,8 @@ class MotorLoop:
         left, right = wheel_speeds(v, omega, self._wheel_radius_m, self._track_width_m)
         self._wheel_setpoints = left, right
         return (
-            left_wheel.step(left, measured[LEFT], self._tick_s),
-            right_wheel.step(right, measured[RIGHT], self._tick_s),
+            left_wheel.step(left, measured[LEFT]),
+            right_wheel.step(right, measured[RIGHT]),
         )
 
     def _stand_by(self) -> None:

@@ -6,7 +6,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from koopman_lab.units import US_PER_S, wrap_counter
+from koopman_lab.units import HALF_RANGE, US_PER_S, wrap_counter
 
 Speeds = tuple[float, float]
 """Speeds of both wheels (rad/s), (left, right)."""
@@ -48,27 +48,31 @@ class Odometry:
             self._raw = (left_count, right_count)
             self._samples.append((utime, 0, 0))
             return
-        last_utime, left, right = self._samples[-1]
+        samples = self._samples
+        last_utime, left, right = samples[-1]
         if utime < last_utime - self._window_us:
-            self._move(utime - last_utime)
+            samples = self._move(utime - last_utime)
         elif utime <= last_utime:
             return
         left_before, right_before = self._raw
-        # The difference of counters that may have wrapped in between wraps, too.
-        left += wrap_counter(left_count - left_before)
-        right += wrap_counter(right_count - right_before)
+        left_step, right_step = left_count - left_before, right_count - right_before
+        if abs(left_step) >= HALF_RANGE or abs(right_step) >= HALF_RANGE:
+            # The difference of counters that have wrapped in between wraps, too.
+            left_step, right_step = wrap_counter(left_step), wrap_counter(right_step)
+        left, right = left + left_step, right + right_step
         self._raw = (left_count, right_count)
-        samples, oldest_us = self._samples, utime - self._window_us
+        oldest_us = utime - self._window_us
         samples.append((utime, left, right))
         # One sample older than the window stays, so that the mean covers all of it.
         while len(samples) > 2 and samples[1][0] <= oldest_us:
             samples.popleft()
 
-    def _move(self, step_us: int) -> None:
+    def _move(self, step_us: int) -> deque[tuple[int, int, int]]:
         last_us = self._samples[-1][0]
         period_us = last_us - self._samples[-2][0] if len(self._samples) > 1 else 1
         shift_us = step_us - period_us
         self._samples = deque((t + shift_us, left, right) for t, left, right in self._samples)
+        return self._samples
 
     def newest(self) -> Speeds | None:
         """Return the speeds between the last two samples, or None before there are two."""

@@ -53,12 +53,9 @@ class Cameras:
         seen = NOTHING if unseen else self._see(pose, errors)
         self._pending.append((ready_us, (utime, seen, not unseen)))
 
-    def ready(self, now_us: int) -> Sequence[Frame]:
+    def ready(self, now_us: int) -> list[Frame]:
         """Return the frames whose latency has passed by ``now_us``, oldest first."""
-        pending = self._pending
-        if not pending or pending[0][0] > now_us:
-            return ()
-        frames = [pending.popleft()[1]]
+        pending, frames = self._pending, []
         while pending and pending[0][0] <= now_us:
             frames.append(pending.popleft()[1])
         return frames

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
-import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
@@ -73,21 +72,22 @@ class SimulatedCameras:
         self._send_frames(utime)
 
     def _send_frames(self, now_us: int) -> None:
-        frames = self._cameras.ready(now_us)
-        if not frames:
-            return
-        lies = self._lies
-        utime, pose, valid = frames[-1]
-        if utime < lies.from_us:
+        lies, seen = self._lies, self._messages.numbered
+        for frame in self._cameras.ready(now_us):
+            if frame[0] >= lies.from_us:
+                self._tell(frame)
+                continue
+            seen.utime, pose, valid = frame
+            seen.x1_m, seen.x2_m, seen.theta_rad = pose
+            seen.tracking_valid = valid
             if valid:
                 lies.last_pose = pose
-            self._send(frames, self._messages.numbered)
-            return
-        for frame in frames:
-            told = lies.told(frame)
-            self._send(told, self._messages.message(stuck=lies.sequence_stuck))
+            self._port.publish(channels.MOCAP_POSE, seen)
 
-    def _send(self, frames: Sequence[Frame], seen: lcmtypes.mocap_pose_t) -> None:
-        for seen.utime, pose, seen.tracking_valid in frames:
+    def _tell(self, frame: Frame) -> None:
+        """Send what the lies make of a frame."""
+        told = self._lies.told(frame)
+        seen = self._messages.message(stuck=self._lies.sequence_stuck)
+        for seen.utime, pose, seen.tracking_valid in told:
             seen.x1_m, seen.x2_m, seen.theta_rad = pose
             self._port.publish(channels.MOCAP_POSE, seen)
