@@ -62,18 +62,14 @@ def realtime(
 
     Example: klab bench realtime --minutes 2
     """
-    from offboard.bench.driven_lab import MORE_THAN_ENOUGH
+    from offboard.bench.driven_lab import MORE_THAN_ENOUGH, driven_lab
     from offboard.bench.tick_regularity import as_table, measure, stolen_s
-    from offboard.lab.run_folder import new_folder
-    from offboard.lab.session_runner import keeping_the_log
 
-    changes = [f"sampler.segments_per_basis={MORE_THAN_ENOUGH}", *(overrides or ())]
+    changes = [MORE_THAN_ENOUGH, *(overrides or ())]
     lab = options.resolve(config, changes, robot, preset, url=url)
-    listener = options.listen(lab)
-    run = new_folder(folder, "realtime", lab)
-    seconds, stolen_before_s = 60.0 * minutes, stolen_s()
-    with keeping_the_log(run), progress("driving", "s") as report:
-        pacings = measure(lab, run, listener, seconds, lambda s: report(round(s), round(seconds)))
+    stolen_before_s = stolen_s()
+    with driven_lab("realtime", lab, folder, minutes, "driving") as driven:
+        pacings = measure(driven)
     stolen = None if stolen_before_s is None else (stolen_s() or 0.0) - stolen_before_s
     if as_json:
         rows = {name: row._asdict() for name, row in pacings.items()}
@@ -104,26 +100,16 @@ def logger(
     Example: klab bench logger --minutes 1 --camera-rate-hz 2400
     """
     from offboard.bench import logger_comparison
-    from offboard.bench.driven_lab import MORE_THAN_ENOUGH
-    from offboard.lab.run_folder import new_folder
-    from offboard.lab.session_runner import keeping_the_log
+    from offboard.bench.driven_lab import MORE_THAN_ENOUGH, driven_lab
 
-    changes = [
-        f"sampler.segments_per_basis={MORE_THAN_ENOUGH}",
-        f"mocap.rate_hz={camera_rate_hz}",
-        *(overrides or ()),
-    ]
+    changes = [MORE_THAN_ENOUGH, f"mocap.rate_hz={camera_rate_hz}", *(overrides or ())]
     lab = options.resolve(config, changes, robot, url=url)
-    listener = options.listen(lab)
-    run, seconds = new_folder(folder, "logger", lab), 60.0 * minutes
-    with keeping_the_log(run), progress("recording", "s") as report:
-        measured = logger_comparison.measure(
-            lab, run, listener, seconds, lambda s: report(round(s), round(seconds))
-        )
+    with driven_lab("logger", lab, folder, minutes, "recording") as driven:
+        measured = logger_comparison.measure(driven)
     if as_json:
         out.print_json(json.dumps({name: row._asdict() for name, row in measured.items()}))
     else:
-        out.print(logger_comparison.as_table(measured, camera_rate_hz, seconds))
+        out.print(logger_comparison.as_table(measured, camera_rate_hz, driven.seconds))
 
 
 @app.command()

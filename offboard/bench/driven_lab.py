@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from koopman_lab.config.schema import LabConfig
@@ -15,62 +18,113 @@ if TYPE_CHECKING:
     from offboard.lab.run_folder import RunFolder
     from offboard.lab.supervisor import Supervisor
 
-MORE_THAN_ENOUGH = 10_000
+MORE_THAN_ENOUGH = "sampler.segments_per_basis=10000"
 """Segments per basis input: more than fit into any measurement."""
+NO_RADIO_LOSS = tuple(f"simulation.radio.{way}.loss=0.0" for way in ("from_robot", "to_robot"))
+"""So that whatever is missing was lost on this machine."""
 WAIT_S = 1.0
 
 
-def drive(
-    lab: Supervisor,
-    config: LabConfig,
-    folder: RunFolder,
-    listener: Listener,
-    seconds: float,
-    report: Callable[[float], None],
-) -> None:
-    """Let the sampler drive the robot of a lab that stands ready.
+@dataclass(frozen=True)
+class DrivenLab:
+    """A lab in which the sampler drives the robot while a bench measures.
+
+    Attributes
+    ----------
+    config
+        The lab; with :data:`MORE_THAN_ENOUGH` to do.
+    folder
+        Takes the session log, and what else a bench writes.
+    listener
+        Of this process.
+    seconds
+        How long, from the moment the robot is driven.
+    report
+        Told the seconds that have passed.
+    """
+
+    config: LabConfig
+    folder: RunFolder
+    listener: Listener
+    seconds: float
+    report: Callable[[float], None]
+
+    def drive(self, lab: Supervisor, watch: Callable[[float], None] | None = None) -> None:
+        """Let the sampler drive the robot of a lab that has plant, onboard loop and logger.
+
+        Parameters
+        ----------
+        lab
+            Has these processes running.
+        watch
+            Told the seconds that have passed, before they are reported.
+
+        Raises
+        ------
+        LabStateError
+            If a process dies or the robot is not driven.
+        """
+        self._wait_until_driven(lab)
+        began_s = time.monotonic()
+        while (passed_s := time.monotonic() - began_s) < self.seconds:
+            self.listener.spin(min(WAIT_S, self.seconds - passed_s))
+            lab.check()
+            if lab.ended("sampler"):
+                raise LabStateError(
+                    f"sampler: ended after {passed_s:.0f} s; raise sampler.segments_per_basis"
+                )
+            if watch is not None:
+                watch(passed_s)
+            self.report(passed_s)
+
+    def _wait_until_driven(self, lab: Supervisor) -> None:
+        import lcmtypes
+        from koopman_lab.bus.channels import ONBOARD_STATUS
+
+        driven = False
+
+        def hear(status: lcmtypes.onboard_status_t) -> None:
+            nonlocal driven
+            driven = driven or status.state == status.DRIVING
+
+        self.listener.subscribe(ONBOARD_STATUS, hear)
+        lab.start("sampler")
+        began_s = time.monotonic()
+        while not driven:
+            self.listener.spin(WAIT_S)
+            lab.check()
+            if time.monotonic() - began_s > START_LIMIT_S:
+                raise LabStateError(
+                    f"{ONBOARD_STATUS.name(self.config.robot.name)}: the robot is not driven "
+                    f"within {START_LIMIT_S:g} s; {self.folder.process_log('sampler')} may say why"
+                )
+
+
+@contextlib.contextmanager
+def driven_lab(
+    name: str, config: LabConfig, folder: Path | None, minutes: float, doing: str
+) -> Iterator[DrivenLab]:
+    """Give what a command of a bench measures by, and show how far it has come.
 
     Parameters
     ----------
-    lab
-        Has plant, onboard loop and logger running.
+    name
+        Of the bench, for the folder where none is given.
     config
-        The lab; the sampler must have more to do than there is time.
-    folder, listener
-        Of this run.
-    seconds
-        From the moment the robot is driven.
-    report
-        Told the seconds that have passed.
-
-    Raises
-    ------
-    LabStateError
-        If a process dies or the robot is not driven.
+        The lab.
+    folder
+        Takes what is recorded; None for a new one.
+    minutes
+        How long to drive.
+    doing
+        What is done meanwhile, in a word or two.
     """
-    import lcmtypes
-    from koopman_lab.bus.channels import ONBOARD_STATUS
+    from offboard.lab.run_folder import new_folder
+    from offboard.lab.session_runner import keeping_the_log
+    from offboard.terminal import options
+    from offboard.terminal.output import progress
 
-    statuses: list[lcmtypes.onboard_status_t] = []
-    listener.subscribe(ONBOARD_STATUS, statuses.append)
-    lab.start("sampler")
-    began_s = time.monotonic()
-    while not (statuses and statuses[-1].state == statuses[-1].DRIVING):
-        del statuses[:-1]
-        listener.spin(WAIT_S)
-        lab.check()
-        if time.monotonic() - began_s > START_LIMIT_S:
-            raise LabStateError(
-                f"{ONBOARD_STATUS.name(config.robot.name)}: the robot is not driven within "
-                f"{START_LIMIT_S:g} s; {folder.process_log('sampler')} may say why"
-            )
-    began_s = time.monotonic()
-    while (passed_s := time.monotonic() - began_s) < seconds:
-        statuses.clear()
-        listener.spin(min(WAIT_S, seconds - passed_s))
-        lab.check()
-        if lab.ended("sampler"):
-            raise LabStateError(
-                f"sampler: ended after {passed_s:.0f} s; raise sampler.segments_per_basis"
-            )
-        report(passed_s)
+    listener, seconds = options.listen(config), 60.0 * minutes
+    run = new_folder(folder, name, config)
+    with keeping_the_log(run), progress(doing, "s") as report:
+        yield DrivenLab(config, run, listener, seconds, lambda s: report(round(s), round(seconds)))

@@ -10,13 +10,10 @@ import typer
 
 from koopman_lab.config.schema import LabConfig
 from offboard.terminal import options
-from offboard.terminal.output import err, out, progress
+from offboard.terminal.output import err, out
 
 if TYPE_CHECKING:
     from offboard.bench.flooded_lab import Row
-
-WITHOUT_RADIO_LOSS = tuple(f"simulation.radio.{way}.loss=0.0" for way in ("from_robot", "to_robot"))
-"""So that whatever is missing was lost on this machine."""
 
 
 def flood(
@@ -43,35 +40,30 @@ def flood(
 
     Example: klab bench flood --minutes 10
     """
-    from offboard.bench.driven_lab import MORE_THAN_ENOUGH
+    from offboard.bench.driven_lab import MORE_THAN_ENOUGH, NO_RADIO_LOSS
     from offboard.bench.flooded_lab import FLOODED, QUIET, as_table
     from offboard.lab.run_folder import run_path
 
-    changes = [f"sampler.segments_per_basis={MORE_THAN_ENOUGH}", *WITHOUT_RADIO_LOSS]
+    changes = [MORE_THAN_ENOUGH, *NO_RADIO_LOSS]
     lab = options.resolve(config, [*changes, *(overrides or ())], robot, url=url)
-    seconds, path = 60.0 * minutes, run_path(folder, "flood")
+    path = run_path(folder, "flood")
     rows = {
-        QUIET: _drive(lab, path / "quiet", seconds, None),
-        FLOODED: _drive(lab, path / "flooded", seconds, heard_share),
+        QUIET: _drive(lab, path / "quiet", minutes, None),
+        FLOODED: _drive(lab, path / "flooded", minutes, heard_share),
     }
     if as_json:
         out.print_json(json.dumps({name: row._asdict() for name, row in rows.items()}))
     else:
-        out.print(as_table(rows, lab.mocap.rate_hz, seconds))
+        out.print(as_table(rows, lab.mocap.rate_hz, 60.0 * minutes))
     if any(row.death for row in rows.values()):
         raise typer.Exit(2)
 
 
-def _drive(lab: LabConfig, path: Path, seconds: float, heard_share: float | None) -> Row:
+def _drive(lab: LabConfig, path: Path, minutes: float, heard_share: float | None) -> Row:
+    from offboard.bench.driven_lab import driven_lab
     from offboard.bench.flooded_lab import measure
-    from offboard.lab.run_folder import new_folder
-    from offboard.lab.session_runner import keeping_the_log
 
-    listener = options.listen(lab)
-    if fault := listener.filter_fault():
-        err.print(f"no filter keeps hostile datagrams off: {fault}")
-    run = new_folder(path, "flood", lab)
-    with keeping_the_log(run), progress(f"driving, {path.name}", "s") as report:
-        return measure(
-            lab, run, listener, seconds, lambda s: report(round(s), round(seconds)), heard_share
-        )
+    with driven_lab("flood", lab, path, minutes, f"driving, {path.name}") as driven:
+        if fault := driven.listener.filter_fault():
+            err.print(f"no filter keeps hostile datagrams off: {fault}")
+        return measure(driven, heard_share)

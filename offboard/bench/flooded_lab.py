@@ -7,20 +7,17 @@ import json
 import subprocess
 from collections.abc import Callable, Iterator
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
-from offboard.bench.driven_lab import drive
-from offboard.bench.process_cost import cpu_time_s
+from offboard.bench.process_cost import cpu_time_s, most_memory_mb
 from offboard.lab.python_process import module_command
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from koopman_lab.bus.realtime import Listener
-    from offboard.lab.run_folder import RunFolder
+    from offboard.bench.driven_lab import DrivenLab
 
 NODES = ("plant", "onboard", "logger", "sampler")
 QUIET, FLOODED = "without a flood", "flooded"
@@ -60,28 +57,13 @@ class Row(NamedTuple):
     memory_mb: dict[str, float]
 
 
-def measure(
-    config: LabConfig,
-    folder: RunFolder,
-    listener: Listener,
-    seconds: float,
-    report: Callable[[float], None],
-    heard_share: float | None,
-) -> Row:
+def measure(driven: DrivenLab, heard_share: float | None) -> Row:
     """Let the sampler drive the robot, with or without a flood beside it.
 
     Parameters
     ----------
-    config
-        The lab; the sampler must have more to do than there is time.
-    folder
-        Takes the session log.
-    listener
-        Of this process.
-    seconds
-        From the moment the robot is driven.
-    report
-        Told the seconds that have passed.
+    driven
+        The lab, and for how long.
     heard_share
         Of the datagrams of the flood, those on channels of the lab; None for no flood.
 
@@ -95,12 +77,13 @@ def measure(
     from koopman_lab.data.decode import SessionLog
     from offboard.lab.supervisor import start_missing, supervised
 
+    config, folder, seconds = driven.config, driven.folder, driven.seconds
     beats: dict[str, lcmtypes.node_status_t] = {}
     for name in ("onboard", "logger"):
-        listener.subscribe(HEARTBEATS[name], partial(beats.__setitem__, name))
+        driven.listener.subscribe(HEARTBEATS[name], partial(beats.__setitem__, name))
     death, cpu_share, memory_mb = "", dict[str, float](), dict[str, float]()
     sent: tuple[int, float] = (0, 0.0)
-    with supervised(config, folder, listener) as lab, contextlib.ExitStack() as stack:
+    with supervised(config, folder, driven.listener) as lab, contextlib.ExitStack() as stack:
         start_missing(lab, set(), folder)
         flood: subprocess.Popen[str] | None = None
         before: dict[str, float] = {}
@@ -111,13 +94,12 @@ def measure(
                 before.update({name: cpu_time_s(lab.process(name)) for name in NODES})
             if heard_share is not None and flood is None:
                 flood = stack.enter_context(_flood(config, seconds - passed_s, heard_share))
-            report(passed_s)
 
         try:
-            drive(lab, config, folder, listener, seconds, watch)
+            driven.drive(lab, watch)
             pids = {name: lab.process(name) for name in NODES}
             cpu_share = {n: (cpu_time_s(pid) - before[n]) / seconds for n, pid in pids.items()}
-            memory_mb = {name: _memory_mb(pid) for name, pid in pids.items()}
+            memory_mb = {name: most_memory_mb(pid) for name, pid in pids.items()}
         except LabStateError as error:
             if not before:
                 raise
@@ -188,9 +170,3 @@ def _flood(
             yield process
         finally:
             process.kill()
-
-
-def _memory_mb(pid: int) -> float:
-    """Return the largest resident memory of a process (MB)."""
-    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    return int(next(line for line in lines if line.startswith("VmHWM")).split()[1]) / 1e3

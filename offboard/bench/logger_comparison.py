@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from koopman_lab.config.schema import LabConfig
-from offboard.bench.driven_lab import drive
-from offboard.bench.process_cost import cpu_time_s
+from offboard.bench.process_cost import cpu_time_s, most_memory_mb
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from koopman_lab.bus.realtime import Listener
-    from offboard.lab.run_folder import RunFolder
+    from offboard.bench.driven_lab import DrivenLab
 
 OURS, THEIRS = "klab run logger", "lcm-logger"
 PATIENCE_S = 10.0
@@ -46,29 +43,15 @@ class Row(NamedTuple):
     memory_mb: float
 
 
-def measure(
-    config: LabConfig,
-    folder: RunFolder,
-    listener: Listener,
-    seconds: float,
-    report: Callable[[float], None],
-) -> dict[str, Row]:
+def measure(driven: DrivenLab) -> dict[str, Row]:
     """Record a calibration with both loggers at once.
 
     Both have the same receive buffer and, where it is permitted, the same priority.
 
     Parameters
     ----------
-    config
-        The lab; the sampler must have more to do than there is time.
-    folder
-        Takes both logs.
-    listener
-        Of this process.
-    seconds
-        From the moment the robot is driven.
-    report
-        Told the seconds that have passed.
+    driven
+        The lab, for how long, and where both logs go.
 
     Raises
     ------
@@ -81,10 +64,11 @@ def measure(
     from koopman_lab.bus.priority import ask_for_priority
     from offboard.lab.supervisor import start_missing, supervised
 
+    config, folder = driven.config, driven.folder
     theirs = folder.path / "lcm-logger.lcm"
     # The binary: the wheel's wrapper script does not hand signals on.
     binary = Path(lcm.LCM_BIN_DIR) / "lcm-logger"
-    with supervised(config, folder, listener) as lab:
+    with supervised(config, folder, driven.listener) as lab:
         peer = subprocess.Popen(
             [binary, f"--lcm-url={bus_url(config)}", "--quiet", theirs],
             stdout=subprocess.DEVNULL,
@@ -95,15 +79,16 @@ def measure(
             start_missing(lab, set(), folder)
             processes = {OURS: lab.process("logger"), THEIRS: peer.pid}
             before = {name: cpu_time_s(pid) for name, pid in processes.items()}
-            drive(lab, config, folder, listener, seconds, report)
+            driven.drive(lab)
             used = {name: cpu_time_s(pid) - before[name] for name, pid in processes.items()}
-            memory = {name: _memory_mb(pid) for name, pid in processes.items()}
+            memory = {name: most_memory_mb(pid) for name, pid in processes.items()}
         finally:
             peer.terminate()
             peer.wait(PATIENCE_S)
     logs = {OURS: folder.log, THEIRS: theirs}
     return {
-        name: _row(log, config, used[name] / seconds, memory[name]) for name, log in logs.items()
+        name: _row(log, config, used[name] / driven.seconds, memory[name])
+        for name, log in logs.items()
     }
 
 
@@ -138,9 +123,3 @@ def _row(log: Path, config: LabConfig, cpu_share: float, memory_mb: float) -> Ro
         cpu_share,
         memory_mb,
     )
-
-
-def _memory_mb(pid: int) -> float:
-    """Return the largest resident memory of a process (MB)."""
-    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    return int(next(line for line in lines if line.startswith("VmHWM")).split()[1]) / 1e3

@@ -9,18 +9,12 @@ import typer
 
 from offboard.terminal import options
 from offboard.terminal.needs import needs
-from offboard.terminal.output import err, out, progress
+from offboard.terminal.output import err, out
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from offboard.bench.page_load import Load
-
-NO_RADIO_LOSS = (
-    "simulation.radio.to_robot.loss=0.0",
-    "simulation.radio.from_robot.loss=0.0",
-)
-"""So that every message that is missing was lost on this machine."""
 
 
 @needs("desk")
@@ -46,25 +40,19 @@ def view(
 
     Example: klab bench view --minutes 1 --clients 4
     """
-    from offboard.bench.driven_lab import MORE_THAN_ENOUGH
+    from offboard.bench.driven_lab import MORE_THAN_ENOUGH, NO_RADIO_LOSS, driven_lab
     from offboard.bench.page_load import measure
-    from offboard.lab.run_folder import new_folder
-    from offboard.lab.session_runner import keeping_the_log
 
-    changes = [f"sampler.segments_per_basis={MORE_THAN_ENOUGH}", *NO_RADIO_LOSS, *(overrides or ())]
+    changes = [MORE_THAN_ENOUGH, *NO_RADIO_LOSS, *(overrides or ())]
     lab = options.resolve(config, changes, robot, url=url)
-    listener = options.listen(lab)
-    run, seconds = new_folder(folder, "view", lab), 60.0 * minutes
-    with keeping_the_log(run), progress("showing", "s") as report:
-        load = measure(
-            lab, run, listener, seconds, clients, lambda s: report(round(s), round(seconds))
-        )
+    with driven_lab("view", lab, folder, minutes, "showing") as driven:
+        load = measure(driven, clients)
     if as_json:
         out.print_json(json.dumps(load._asdict()))
         return
     if load.drawn_ms is None:
         err.print("no Chromium or no playwright: nobody drew the page")
-    out.print(_table(load, seconds))
+    out.print(_table(load, driven.seconds))
 
 
 def _table(load: Load, seconds: float) -> Table:

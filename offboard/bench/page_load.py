@@ -4,33 +4,27 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 import lcmtypes
 from koopman_lab.bus.channels import HEARTBEATS
-from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from offboard.bench.browser import browser, visit
-from offboard.bench.driven_lab import drive
-from offboard.bench.process_cost import cpu_time_s
+from offboard.bench.process_cost import cpu_time_s, memory_mb
 from offboard.commands.view import HOST, free_port
 from offboard.lab.python_process import module_command
 
 if TYPE_CHECKING:
-    from koopman_lab.bus.realtime import Listener
-    from offboard.lab.run_folder import RunFolder
+    from offboard.bench.driven_lab import DrivenLab
 
 MEMORY_PERIOD_S = 15.0
 SETTLE_S = 5.0
 """Pages load and the server's code grows warm; not measured."""
-KB = 1024
 WATCH = """() => {
   window.delays = [];
   new MutationObserver(() => {
@@ -79,30 +73,15 @@ class Load(NamedTuple):
     missed_ticks: int
 
 
-def measure(
-    config: LabConfig,
-    folder: RunFolder,
-    listener: Listener,
-    seconds: float,
-    clients: int,
-    report: Callable[[float], None],
-) -> Load:
+def measure(driven: DrivenLab, clients: int) -> Load:
     """Run the lab with its page, and clients that look at it, one of them stopped.
 
     Parameters
     ----------
-    config
-        The lab; the sampler must have more to do than there is time.
-    folder
-        Takes the session log.
-    listener
-        Of this process.
-    seconds
-        From the moment the robot is driven.
+    driven
+        The lab, and for how long.
     clients
         How many, the stopped one and the browser's page included.
-    report
-        Told the seconds that have passed.
 
     Raises
     ------
@@ -112,12 +91,13 @@ def measure(
     from koopman_lab.data.decode import SessionLog
     from offboard.lab.supervisor import start_missing, supervised
 
+    folder, seconds = driven.folder, driven.seconds
     beats: list[lcmtypes.node_status_t] = []
-    listener.subscribe(HEARTBEATS["onboard"], beats.append)
+    driven.listener.subscribe(HEARTBEATS["onboard"], beats.append)
     port, meter, delays = free_port(), _Meter(), list[float]()
     address = f"{HOST}:{port}"
     with contextlib.ExitStack() as stack:
-        lab = stack.enter_context(supervised(config, folder, listener))
+        lab = stack.enter_context(supervised(driven.config, folder, driven.listener))
         start_missing(lab, set(), folder)
         lab.start("view", "--port", str(port))
         chromium = stack.enter_context(browser())
@@ -137,9 +117,8 @@ def measure(
             elif page is not None and meter.begun:
                 delays.extend(page.evaluate("() => window.delays.splice(0)"))
             meter.look(passed_s)
-            report(passed_s)
 
-        drive(lab, config, folder, listener, seconds, watch)
+        driven.drive(lab, watch)
         cpu_share = meter.end(seconds)
         reading.send_signal(signal.SIGINT)
         snapshots: list[list[Seen]] = json.loads(reading.communicate()[0] or "[]")
@@ -171,15 +150,13 @@ class _Meter:
 
     def begin(self, pid: int, now_s: float) -> None:
         self.begun = True
-        self._process = Path(f"/proc/{pid}")
         self._pid = pid
         self._began_s, self._cpu_s, self._due_s = now_s, cpu_time_s(pid), now_s
 
     def look(self, now_s: float) -> None:
         if self.begun and now_s >= self._due_s:
             self._due_s += MEMORY_PERIOD_S
-            pages = int((self._process / "statm").read_text().split()[1])
-            self.memory_mb.append(round(pages * os.sysconf("SC_PAGESIZE") / KB**2, 2))
+            self.memory_mb.append(memory_mb(self._pid))
 
     def end(self, now_s: float) -> float:
         """Return the share of one core since the beginning."""

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from koopman_lab.bus.pacing import Pacing, load_tick_times, pacing
-from koopman_lab.config.schema import LabConfig
-from offboard.bench.driven_lab import drive
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from koopman_lab.bus.realtime import Listener
-    from offboard.lab.run_folder import RunFolder
+    from offboard.bench.driven_lab import DrivenLab
 
 STATISTICS = Path("/proc/stat")
 STEAL = 8
@@ -23,27 +19,13 @@ STEAL = 8
 WORDS = {"onboard": "motor loop", "pacer": "only waiting"}
 
 
-def measure(
-    config: LabConfig,
-    folder: RunFolder,
-    listener: Listener,
-    seconds: float,
-    report: Callable[[float], None],
-) -> dict[str, Pacing]:
+def measure(driven: DrivenLab) -> dict[str, Pacing]:
     """Run plant, onboard loop, logger and sampler, and beside them a process that only waits.
 
     Parameters
     ----------
-    config
-        The lab; the sampler must have more to do than there is time.
-    folder
-        Takes the session log and the tick times.
-    listener
-        Of this process.
-    seconds
-        From the moment the robot is driven.
-    report
-        Told the seconds that have passed.
+    driven
+        The lab, for how long, and where the tick times go.
 
     Returns
     -------
@@ -59,15 +41,16 @@ def measure(
     """
     from offboard.lab.supervisor import supervised
 
+    config, folder = driven.config, driven.folder
     config.require_simulation()
     files = {name: folder.path / f"{name}-ticks.npy" for name in WORDS}
-    with supervised(config, folder, listener) as lab:
+    with supervised(config, folder, driven.listener) as lab:
         lab.start("logger", "--folder", folder.path)
         lab.start("plant")
         for name, file in files.items():
             lab.start(name, "--tick-times", file)
         lab.wait_ready("logger", "plant", "onboard")
-        drive(lab, config, folder, listener, seconds, report)
+        driven.drive(lab)
     rate_hz = config.motor_loop.rate_hz
     return {name: pacing(load_tick_times(file), rate_hz) for name, file in files.items()}
 

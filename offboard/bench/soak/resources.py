@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
-KB = 1024
+from offboard.bench.process_cost import memory_mb
 
 
 @dataclass
@@ -45,19 +44,15 @@ class ResourceWatch:
         """Look at a process, if it is there."""
         # It may end while it is looked at.
         with contextlib.suppress(OSError):
-            folder = Path(f"/proc/{pid}")
-            pages = int((folder / "statm").read_text().split()[1])
-            if not pages:  # it has ended, and nobody has asked how
+            held_mb = memory_mb(pid)
+            if not held_mb:
                 return
-            memory_mb = round(pages * os.sysconf("SC_PAGESIZE") / KB**2, 2)
-            descriptors = sum(1 for _ in (folder / "fd").iterdir())
+            descriptors = sum(1 for _ in Path(f"/proc/{pid}/fd").iterdir())
             seen = self._seen.get(pid)
             if seen is None:
-                self._seen[pid] = Resources(
-                    name, pid, memory_mb, memory_mb, descriptors, descriptors
-                )
+                self._seen[pid] = Resources(name, pid, held_mb, held_mb, descriptors, descriptors)
             else:
-                seen.last_mb, seen.last_descriptors = memory_mb, descriptors
+                seen.last_mb, seen.last_descriptors = held_mb, descriptors
                 seen.looks += 1
 
     def longest(self) -> list[Resources]:
