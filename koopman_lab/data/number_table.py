@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koopman_lab.errors import DataError
+from koopman_lab.files import open_file
 
 Array = NDArray[np.float64]
 
@@ -72,7 +73,8 @@ def read_number_table(path: Path) -> NumberTable:
         If it cannot be read, holds anything but finite numbers, or can be read in two ways.
     """
     try:
-        text = _decoded(path, path.read_bytes())
+        with open_file(path) as file:
+            text = _decoded(path, file.read())
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from None
     text = text.replace("\N{MINUS SIGN}", "-").replace('"', "")

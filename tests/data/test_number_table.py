@@ -2,6 +2,8 @@
 
 import codecs
 import itertools
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -167,3 +169,10 @@ def test_a_header_in_another_order_is_refused(tmp_path):
     (tmp_path / "Y_2.dat").write_text("theta;x1;x2\n0,5;0,25;1\n0;0;0\n")
     with pytest.raises(DataError, match=r"Y_2\.dat: its header names theta, x1, x2; write"):
         read_folder(tmp_path, "kinematic", 0.05)
+
+
+def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path, Path("/dev/zero"), tmp_path / "not there"):
+        with pytest.raises(DataError, match="cannot be read"):
+            read_number_table(path)
