@@ -7,6 +7,8 @@ from typing import Any
 from koopman_lab.bus.authentication import Verdict, Verifier
 from koopman_lab.bus.channel import Channel
 from koopman_lab.bus.channels import split_name
+from koopman_lab.bus.header import header_reader
+from koopman_lab.bus.replay_guard import SignedStreamGuard
 from koopman_lab.errors import BusError
 
 MOST_NAMES = 512
@@ -33,13 +35,18 @@ class Admission:
         """Messages that were not let in because they had been before."""
         self.has_heard_key = False
         """Whether somebody with the key has spoken."""
-        self._verifier = Verifier(key, name)
+        self.verifier = Verifier(key, name)
         self._open_to_all = channel.open_to_all
         self._needs_tag = channel.protection == "always"
 
+    def admits_at(self, data: bytes, now_us: int) -> bool:
+        """Return whether a message is let in that arrives at ``now_us`` of the bus."""
+        del now_us
+        return self.admits(data)
+
     def admits(self, data: bytes) -> bool:
-        """Return whether a message is let in."""
-        verdict = self._verifier.judge(data)
+        """Return whether a message is let in, whenever it arrives."""
+        verdict = self.verifier.judge(data)
         if verdict is Verdict.VALID:
             # Who can sign does: from now on nobody else is believed.
             self.has_heard_key = self._needs_tag = True
@@ -53,6 +60,36 @@ class Admission:
         else:
             self.without_key += 1
         return False
+
+
+class StreamAdmission(Admission):
+    """Lets messages of one sender in, of those that may speak on a channel that one speaks on.
+
+    Parameters
+    ----------
+    key, channel, name
+        As of :class:`Admission`.
+    """
+
+    def __init__(self, key: bytes, channel: Channel[Any], name: str) -> None:
+        super().__init__(key, channel, name)
+        self._read_header = header_reader(channel.type)
+        self._guard = SignedStreamGuard()
+
+    def admits_at(self, data: bytes, now_us: int) -> bool:
+        """Return whether a message is let in that arrives at ``now_us`` of the bus."""
+        if not self.admits(data):
+            return False
+        header = self._read_header(data)
+        if header is None or not self.verifier.sender:
+            return True
+        return self._guard.accepts(self.verifier.sender, header[0], now_us)
+
+
+def admission_of(key: bytes, channel: Channel[Any], name: str) -> Admission:
+    """Return what lets messages of a channel in for somebody who acts on them."""
+    kind = StreamAdmission if channel.replayed == "stream" else Admission
+    return kind(key, channel, name)
 
 
 class Admissions:

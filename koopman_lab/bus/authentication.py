@@ -76,9 +76,15 @@ class Verifier:
         Of the lab.
     name
         Of the channel on the bus.
+
+    Attributes
+    ----------
+    sender
+        Number of the sender of the newest valid message; empty before the first.
     """
 
     def __init__(self, key: bytes, name: str) -> None:
+        self.sender = b""
         self._begun = _begun(key, name)
         self._senders: OrderedDict[bytes, _Counters] = OrderedDict()
 
@@ -99,7 +105,10 @@ class Verifier:
                 senders.popitem(last=False)
             counters = senders[sender] = _Counters()
         senders.move_to_end(sender)
-        return Verdict.VALID if counters.take(counter) else Verdict.REPEATED
+        if not counters.take(counter):
+            return Verdict.REPEATED
+        self.sender = sender
+        return Verdict.VALID
 
 
 class _Counters:

@@ -102,11 +102,11 @@ class RealtimePort(BasePort):
         subscription = super().subscription(channel)
         is_protected = self._key is not None and channel.protection != "never"
         if is_protected and subscription.admission is None:
-            from koopman_lab.bus.admission import Admission
+            from koopman_lab.bus.admission import admission_of
 
             assert self._key is not None
             name = channel.name(self.robot_name)
-            subscription.admission = Admission(self._key, channel, name)
+            subscription.admission = admission_of(self._key, channel, name)
         return subscription
 
     def deliver_at(self, at_us: int, deliver: Deliver, data: bytes) -> None:
@@ -139,8 +139,9 @@ class RealtimePort(BasePort):
         deliver, admission = subscription.arrive, subscription.admission
 
         def take(_: str, data: bytes) -> None:
-            if admission is None or admission.admits(data):
-                deliver(data, self.bus_us())
+            now_us = self.bus_us()
+            if admission is None or admission.admits_at(data, now_us):
+                deliver(data, now_us)
 
         return take
 

@@ -18,6 +18,9 @@ SAME_SENDER_US = US_PER_S
 """Stamps of one sender stray less against the clock of who hears them; no wire takes so long."""
 SILENCE_US = 50_000
 """After five motor ticks without a message, any sender may be the one whose clock was set."""
+GONE_US = US_PER_S
+"""After so long without a message a sender with a number is gone; started again it has another, and
+needs about as long for it."""
 
 Replayed = Literal["passes", "stream", "order"]
 """What becomes of a replayed message where somebody acts on its channel: it passes, because who
@@ -81,6 +84,41 @@ class StreamGuard:
         ):
             return False
         self._ahead_us, self._heard_us = ahead_us, now_us
+        return True
+
+
+class SignedStreamGuard:
+    """Follows one sender of a stream whose messages carry the lab's key, by the sender's number.
+
+    What was recorded carries the number of a program that has ended. It is no stream to turn to
+    just because the one that is followed comes late, as it may on a busy machine.
+    """
+
+    def __init__(self) -> None:
+        self._sender: bytes | None = None
+        self._ahead_us = self._heard_us = 0
+
+    def accepts(self, sender: bytes, utime: int, now_us: int) -> bool:
+        """Return whether a message is of the sender that is followed, or another one is from now.
+
+        Parameters
+        ----------
+        sender
+            Number of the message's sender.
+        utime
+            When the message was stamped (us), by its sender's clock.
+        now_us
+            Present time of the bus (us).
+        """
+        ahead_us = abs(utime - now_us)
+        if (
+            self._sender is not None
+            and sender != self._sender
+            and now_us - self._heard_us < GONE_US
+            and not ahead_us <= SAME_SENDER_US < self._ahead_us
+        ):
+            return False
+        self._sender, self._ahead_us, self._heard_us = sender, ahead_us, now_us
         return True
 
 

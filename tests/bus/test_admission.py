@@ -1,13 +1,23 @@
 """Every protected channel, with each way in which a message can carry the key's tag or not."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.admission import MOST_NAMES, Admission, Admissions
+from koopman_lab.bus.admission import (
+    MOST_NAMES,
+    Admission,
+    Admissions,
+    StreamAdmission,
+    admission_of,
+)
 from koopman_lab.bus.authentication import Signer
 from koopman_lab.bus.lab_key import KEY_BYTES
+from koopman_lab.bus.replay_guard import GONE_US, SAME_SENDER_US
 from koopman_lab.eventlog.older_layouts import OLDER_LAYOUTS
+from koopman_lab.units import US_PER_S
 
 KEY, OTHER_KEY = b"k" * KEY_BYTES, b"o" * KEY_BYTES
 MUST_NOT_BE_OPEN = {
@@ -142,3 +152,47 @@ def test_a_replay_is_noticed_also_after_others_have_invented_names():
     for k in range(2 * MOST_NAMES):
         admissions.admits(f"X{k}_GOAL", b"")
     assert not admissions.admits(name, said)
+
+
+def duties(signer, name, utime):
+    message = channels.MOTOR_CMD.type()
+    message.utime = utime
+    return signer.sign(name, message.encode())
+
+
+@pytest.mark.parametrize("channel", ALWAYS + WHEN_SIGNED, ids=ids)
+def test_channels_of_one_publisher_by_wire_follow_one_sender(channel):
+    follows = isinstance(admission_of(KEY, channel, "R1"), StreamAdmission)
+    assert follows == (channel.suffix in ("ENCODER", "MOTOR_CMD"))
+
+
+@given(
+    pauses_us=st.lists(st.integers(1, GONE_US - 1), min_size=2, max_size=20),
+    age_us=st.integers(SAME_SENDER_US + 1, 10**13),
+    step_us=st.integers(-(10**13), 10**13),
+)
+def test_what_was_recorded_is_no_stream_to_turn_to_where_the_live_one_comes_late(
+    pauses_us, age_us, step_us
+):
+    """Also where the clock of the live one is set, since its number stays."""
+    admission = admission_of(KEY, channels.MOTOR_CMD, "R1_MOTOR_CMD")
+    live, recorded, now_us = Signer(KEY), Signer(KEY), 10**15
+    assert admission.admits_at(duties(live, "R1_MOTOR_CMD", now_us), now_us)
+    for pause_us in pauses_us:
+        now_us += pause_us
+        log = duties(recorded, "R1_MOTOR_CMD", now_us - age_us)
+        assert not admission.admits_at(log, now_us)
+        assert admission.admits_at(duties(live, "R1_MOTOR_CMD", now_us + step_us), now_us)
+
+
+@given(age_us=st.integers(2 * US_PER_S, 10**13))
+def test_who_is_started_again_is_followed_after_a_second_and_the_live_one_before_a_log(age_us):
+    admission = admission_of(KEY, channels.MOTOR_CMD, "R1_MOTOR_CMD")
+    first, log, second, now_us = Signer(KEY), Signer(KEY), Signer(KEY), 10**15
+    assert admission.admits_at(duties(first, "R1_MOTOR_CMD", now_us), now_us)
+    now_us += GONE_US - 1
+    assert not admission.admits_at(duties(log, "R1_MOTOR_CMD", now_us - age_us), now_us)
+    now_us += 1
+    assert admission.admits_at(duties(log, "R1_MOTOR_CMD", now_us - age_us), now_us)
+    assert admission.admits_at(duties(second, "R1_MOTOR_CMD", now_us), now_us)
+    assert not admission.admits_at(duties(log, "R1_MOTOR_CMD", now_us - age_us), now_us)
