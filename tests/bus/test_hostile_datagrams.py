@@ -18,6 +18,7 @@ import lcmtypes
 from koopman_lab.bus.channels import ESTOP
 from koopman_lab.bus.datagram_filter import LARGEST_MESSAGE_BYTES, datagram_filter
 from koopman_lab.bus.filtered_bus import QUEUE_CAPACITY
+from koopman_lab.bus.lab_key import write_new_key
 from koopman_lab.bus.multicast import MOST_AT_ONCE
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.bus.receiving_socket import FilterError, at_rest, attach
@@ -75,9 +76,9 @@ def sending_to(url):
 
 
 @contextmanager
-def listening(url, how):
+def listening(url, how, *key_files):
     process = subprocess.Popen(
-        [sys.executable, LISTENING, url, how],
+        [sys.executable, LISTENING, url, how, *key_files],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -91,9 +92,10 @@ def listening(url, how):
 
 def grown_kb(process, sender):
     """Return by how much a process has grown that still hears; None if it is gone."""
-    stop = lcmtypes.estop_t().encode()
+    stop = lcmtypes.estop_t()
+    stop.engaged = True  # which anybody may say
     for _ in range(600):
-        sender.send(short_message(STOP_NAME, stop))
+        sender.send(short_message(STOP_NAME, stop.encode()))
         readable, _, _ = select.select([process.stdout], (), (), 0.05)
         if readable:
             line = process.stdout.readline()
@@ -101,10 +103,14 @@ def grown_kb(process, sender):
     return pytest.fail("it lives, but hears no more")
 
 
-@pytest.mark.parametrize("how", ["one", "all"])
-def test_no_datagram_ends_or_bloats_a_process(how, bus_url):
-    with listening(bus_url, how) as process, sending_to(bus_url) as sender:
+@pytest.mark.parametrize(("how", "key"), [("one", False), ("one", True), ("all", False)])
+def test_no_datagram_ends_or_bloats_a_process(how, key, bus_url, tmp_path):
+    if key:
+        write_new_key(tmp_path / "lab.key")
+    key_files = tmp_path.glob("lab.key")
+    with listening(bus_url, how, *key_files) as process, sending_to(bus_url) as sender:
         assert process.stdout.readline() == "listening ''\n"
+        assert grown_kb(process, sender) == 0
         for name, datagrams in HOSTILE.items():
             for datagram in datagrams:
                 sender.send(datagram)
@@ -117,6 +123,7 @@ def test_names_without_end_leave_nothing_in_who_listens_to_a_few(bus_url):
     """Who listens to all keeps some 130 bytes a name, in liblcm."""
     with listening(bus_url, "one") as process, sending_to(bus_url) as sender:
         assert process.stdout.readline() == "listening ''\n"
+        assert grown_kb(process, sender) == 0
         for number in range(100_000):
             sender.send(short_message(b"R1_%d" % number, bytes(24)))
         assert grown_kb(process, sender) < HARMLESS_KB

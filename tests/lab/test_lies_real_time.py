@@ -8,8 +8,9 @@ from klab import MODEL, SMALL_AREA, start_klab
 from witness import Witness
 
 from koopman_lab.bus.channels import INTERLOCK
+from koopman_lab.units import US_PER_S
 from offboard.bench.faults.bounds import by_guard_after_turning
-from offboard.bench.faults.stage import rolled_m
+from offboard.bench.faults.stage import is_at_rest, rolled_m
 from offboard.desk.floor import excess_m
 
 BUSY_S = 0.5
@@ -47,6 +48,25 @@ def test_a_session_with_wrong_axes_or_cables_stops_at_once_and_says_what_to_chec
     if code == 1:
         summary = json.loads((tmp_path / "run" / "summary.json").read_text())
         assert (summary["complete"], says in summary["reason"]) == (False, True)
+
+
+def test_cameras_whose_clock_jumps_by_an_hour_stop_the_robot_and_are_named(
+    bus_url, tmp_path, key_options
+):
+    witness = Witness(bus_url)
+    planned = "simulation.faults=[{kind: camera_clock, jump_s: 3600, at_s: 4}]"
+    session = start_klab(
+        *(*PARK, "--start", "-1.2", "0.4", "0", *key_options),
+        *("--set", planned, "--set", "controller.pause_limit_s=2", "--out", tmp_path / "run"),
+    )
+    code, said = witness.end_of(session)
+    assert code == 1, said
+    assert "the camera clock is 3600 s ahead of this computer's clock" in " ".join(said.split())
+    limits = witness.config.motor_loop.limits
+    blind_s = witness.config.controller.tracking_timeout_s + limits.v_m_per_s / limits.a_m_per_s2
+    moving_us = [s.utime for s in witness.sights if not is_at_rest(s)]
+    assert (max(moving_us) - witness.cut_us) / US_PER_S <= blind_s + BUSY_S
+    assert is_at_rest(witness.sights[-1])
 
 
 def test_a_robot_that_is_seen_elsewhere_than_placed_is_not_driven(bus_url, tmp_path):

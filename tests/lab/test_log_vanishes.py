@@ -20,21 +20,24 @@ SESSIONS = {
 
 
 @pytest.fixture
-def witness(bus_url):
-    with standing_robot(bus_url) as witness:
+def witness(bus_url, key_options):
+    with standing_robot(bus_url, key_options) as witness:
         yield witness
 
 
 @pytest.mark.parametrize(
-    ("session", "harm", "words"),
+    ("session", "harm", "words", "key_options"),
     [
-        ("calibrate", lambda log: log.unlink(), "is gone"),
-        ("park", lambda log: log.rename(log.with_name("elsewhere.lcm")), "is gone"),
-        ("park", lambda log: os.truncate(log, 1000), "has 1000 bytes instead of"),
+        ("calibrate", lambda log: log.unlink(), "is gone", "no key"),
+        ("park", lambda log: log.rename(log.with_name("elsewhere.lcm")), "is gone", "no key"),
+        ("park", lambda log: os.truncate(log, 1000), "has 1000 bytes instead of", "key"),
     ],
+    indirect=["key_options"],
 )
-def test_the_log_is_taken_away_while_the_robot_drives(session, harm, words, witness, tmp_path):
-    process = start_klab(*SESSIONS[session], "--out", tmp_path / "run")
+def test_the_log_is_taken_away_while_the_robot_drives(
+    session, harm, words, witness, key_options, tmp_path
+):
+    process = start_klab(*SESSIONS[session], *key_options, "--out", tmp_path / "run")
     try:
         witness.wait_until_fast(process)
         harm(tmp_path / "run" / "session.lcm")
@@ -50,8 +53,9 @@ def test_the_log_is_taken_away_while_the_robot_drives(session, harm, words, witn
     assert witness.moved_for_s(struck_us) <= limit_s + BUSY_S
 
 
-def test_a_deleted_log_is_written_once_more(witness, tmp_path):
-    process = start_klab(*SESSIONS["park"], "--out", tmp_path / "run")
+def test_a_deleted_log_is_written_once_more(witness, key_options, tmp_path):
+    """With a key or without."""
+    process = start_klab(*SESSIONS["park"], *key_options, "--out", tmp_path / "run")
     try:
         witness.wait_until_fast(process)
         size = (tmp_path / "run" / "session.lcm").stat().st_size

@@ -26,13 +26,22 @@ def reason_of(folder):
 
 
 @pytest.mark.parametrize(
-    ("name", "others"),
-    [("controller", ()), ("sampler", ()), ("reference", ()), ("controller", ("onboard", "plant"))],
-    ids=["controller", "sampler", "reference", "all"],
+    ("name", "others", "key_options"),
+    [
+        ("controller", (), "no key"),
+        ("controller", (), "key"),
+        ("sampler", (), "no key"),
+        ("reference", (), "no key"),
+        ("controller", ("onboard", "plant"), "no key"),
+    ],
+    ids=["controller", "controller with a key", "sampler", "reference", "all"],
+    indirect=["key_options"],
 )
-def test_who_stood_still_says_so_and_does_not_drive_on(bus_url, tmp_path, name, others):
+def test_who_stood_still_says_so_and_does_not_drive_on(
+    bus_url, tmp_path, name, others, key_options
+):
     witness = Witness(bus_url)
-    session = start_klab(*SESSIONS[name], "--out", tmp_path / "run")
+    session = start_klab(*SESSIONS[name], *key_options, "--out", tmp_path / "run")
     witness.wait_until_fast(session)
     witness.wait(lambda: {name, *others} <= witness.pids.keys())
     stopped = [witness.pids[other] for other in (name, *others)]

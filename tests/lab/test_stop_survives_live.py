@@ -18,6 +18,7 @@ STATUS = lcmtypes.onboard_status_t
 MESSAGES = 100
 """Motor commands of one second."""
 STILL_M = 1e-3
+WITHOUT_KEY = pytest.mark.parametrize("key_options", ["no key"], indirect=True)
 
 
 def estop(*arguments):
@@ -29,22 +30,27 @@ def estop(*arguments):
 class Board:
     """The programs of a robot, one by one, and somebody who drives it whenever it may."""
 
-    def __init__(self, url, folder):
+    def __init__(self, url, folder, options):
+        self.options = options
         self.ear = Ear(url)
         self.duties, self.truths = [], []
         self.ear.listener.subscribe(MOTOR_CMD, self.duties.append)
         self.ear.listener.subscribe(PLANT_TRUTH, self.truths.append)
         self.running = []
         config = folder / "config.yaml"
-        config.write_text(dump_config(load_config(overrides=[f"bus.url={url}"])))
-        self.start("plant")
-        self.onboard = self.start("onboard", "--preset", "lab")
+        overrides = [f"bus.url={url}", *(word for word in options if word != "--set")]
+        config.write_text(dump_config(load_config(overrides=overrides)))
+        self.start("plant", *options)
+        self.onboard = self.start_onboard()
         self.start("slalom", "--config", config)
 
     def start(self, *arguments):
         process = start_klab("run", *arguments)
         self.running.append(process)
         return process
+
+    def start_onboard(self):
+        return self.start("onboard", "--preset", "lab", *self.options)
 
     def kill(self, process):
         process.send_signal(signal.SIGKILL)
@@ -78,8 +84,8 @@ class Board:
 
 
 @pytest.fixture
-def board(bus_url, tmp_path):
-    board = Board(bus_url, tmp_path)
+def board(bus_url, tmp_path, key_options):
+    board = Board(bus_url, tmp_path, key_options)
     try:
         board.wait_until_it_drives()
         yield board
@@ -88,24 +94,26 @@ def board(bus_url, tmp_path):
 
 
 def test_a_stop_outlasts_the_program_that_holds_it_and_its_release_ends_it(board):
-    assert estop().stderr == "stopped; `klab estop --release` releases it\n"
+    done = estop(*board.options)
+    assert done.stderr == "stopped; `klab estop --release` releases it\n"
     board.wait_for(STATUS.ESTOP)
     number = board.ear.status.stop_number
     for _ in range(2):
         board.kill(board.onboard)
-        board.onboard = board.start("onboard", "--preset", "lab")
+        board.onboard = board.start_onboard()
         board.wait_for(STATUS.ESTOP)
         assert board.ear.status.stop_number > number
         number = board.ear.status.stop_number
         board.require_still()
-    assert estop("--release").returncode == 0
+    assert estop("--release", *board.options).returncode == 0
     board.wait_until_it_drives()
     # Nothing is left of it: who dies now drives again.
     board.kill(board.onboard)
-    board.onboard = board.start("onboard", "--preset", "lab")
+    board.onboard = board.start_onboard()
     board.wait_until_it_drives()
 
 
+@WITHOUT_KEY
 def test_where_no_stop_can_be_kept_a_start_is_a_stopped_start_in_words(
     board, tmp_path, monkeypatch
 ):
@@ -113,7 +121,7 @@ def test_where_no_stop_can_be_kept_a_start_is_a_stopped_start_in_words(
     blocked.write_text("")
     board.kill(board.onboard)
     monkeypatch.setenv(STATE_VARIABLE, str(blocked))
-    board.onboard = board.start("onboard", "--preset", "lab")
+    board.onboard = board.start_onboard()
     board.wait_for(STATUS.FAULT)
     assert board.ear.status.fault == STATUS.STOP_NOT_KEPT
     board.require_still()
@@ -128,16 +136,17 @@ def test_where_no_stop_can_be_kept_a_start_is_a_stopped_start_in_words(
 
 
 def test_a_second_program_on_the_same_board_is_refused_and_changes_nothing(board):
-    second = klab("run", "onboard", "--preset", "lab")
+    second = klab("run", "onboard", "--preset", "lab", *board.options)
     assert second.returncode == 2
     said = " ".join(second.stderr.split())
     assert f"process {board.onboard.pid} runs the onboard program of R1 already" in said
     board.wait_until_it_drives()
 
 
+@WITHOUT_KEY
 def test_a_second_board_elsewhere_stops_both_and_is_named(board, tmp_path, monkeypatch):
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "another board"))
-    second = board.start("onboard", "--preset", "lab")
+    second = board.start_onboard()
     board.wait_for(STATUS.FAULT)
     assert board.ear.status.fault == STATUS.SECOND_LOOP
     board.require_still()

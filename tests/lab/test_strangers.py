@@ -15,25 +15,16 @@ from real_bus import HOLDER, STATUS, StrangersLab, commands
 
 import lcmtypes
 from koopman_lab.bus import channels
-from koopman_lab.bus.lab_key import write_new_key
 from koopman_lab.units import US_PER_S
 
 MOVED_M = 0.02
 """Nobody can call that noise: the plant's truth of a robot that stands does not change at all."""
-KEYS = ("key", "no key")
 
 
 @pytest.fixture
-def lab_key(tmp_path):
-    write_new_key(tmp_path / "lab.key")
-    return tmp_path / "lab.key"
-
-
-@pytest.fixture(params=KEYS)
-def lab(request, bus_url, lab_key):
-    options = ("--set", f"bus.key_file={lab_key}") if request.param == "key" else ()
-    lab = StrangersLab(bus_url, options)
-    lab.has_key = request.param == "key"
+def lab(bus_url, key_options):
+    lab = StrangersLab(bus_url, key_options)
+    lab.has_key = bool(key_options)
     try:
         yield lab
     finally:
@@ -175,23 +166,20 @@ while not select.select([sys.stdin], (), (), 0.05)[0]:
 """
 
 
-def test_a_stop_needs_no_key_that_can_be_used(bus_url, lab_key):
+@pytest.mark.parametrize("key_options", ["key"], indirect=True)
+def test_a_stop_needs_no_key_that_can_be_used(lab, tmp_path):
     """Whoever stops a robot is not to mend a file first; he is told that it is broken."""
-    lab = StrangersLab(bus_url, ("--set", f"bus.key_file={lab_key}"))
-    try:
-        lab.start_robot()
-        lab_key.chmod(0o644)
-        done = lab.klab("estop")
-        assert done.returncode == 0
-        assert "chmod 600" in done.stderr.replace("\n", " ")
-        assert "stopped" in done.stderr
-        lab.wait(lambda: lab.status.state == STATUS.ESTOP)
-        assert lab.klab("estop", "--release").returncode == 2
-        lab_key.chmod(0o600)
-        done = lab.klab("estop", "--release")
-        assert done.returncode == 0, done.stderr
-    finally:
-        lab.close()
+    lab.start_robot()
+    (tmp_path / "lab.key").chmod(0o644)
+    done = lab.klab("estop")
+    assert done.returncode == 0
+    assert "chmod 600" in done.stderr.replace("\n", " ")
+    assert "stopped" in done.stderr
+    lab.wait(lambda: lab.status.state == STATUS.ESTOP)
+    assert lab.klab("estop", "--release").returncode == 2
+    (tmp_path / "lab.key").chmod(0o600)
+    done = lab.klab("estop", "--release")
+    assert done.returncode == 0, done.stderr
 
 
 def test_what_a_stranger_says_is_named(lab):

@@ -17,6 +17,8 @@ from koopman_lab.units import US_PER_S
 
 MOST_WAITS = 600
 WAIT_S = 0.05
+LIMIT_S = 120.0
+"""On a bus that is never silent, where no count of waits ends."""
 
 
 def tool(name: str) -> str:
@@ -46,10 +48,11 @@ class Ear:
         self.listener.subscribe(ONBOARD_STATUS, lambda m: setattr(self, "status", m))
 
     def wait(self, condition):
-        silent = 0
+        silent, end_us = 0, self.listener.now_us() + LIMIT_S * US_PER_S
         while not condition():
             silent += not self.listener.spin(WAIT_S)
-            assert silent < MOST_WAITS, "did not happen in time"
+            in_time = silent < MOST_WAITS and self.listener.now_us() < end_us
+            assert in_time, "did not happen in time"
 
     def wait_for(self, *names):
         self.wait(lambda: all(name in self.pids for name in names))

@@ -70,10 +70,10 @@ class Witness:
 
 
 @contextlib.contextmanager
-def standing_robot(url):
+def standing_robot(url, options=()):
     """Run a robot that no session owns, which stays when a session has ended; give its witness."""
     witness = Witness(url)
-    robot = [start_klab("run", name, "--preset", "lab") for name in ("plant", "onboard")]
+    robot = [start_klab("run", name, "--preset", "lab", *options) for name in ("plant", "onboard")]
     try:
         witness.wait(lambda: {"plant", "onboard"} <= witness.pids.keys())
         yield witness

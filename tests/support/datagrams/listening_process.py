@@ -1,7 +1,10 @@
-"""A process that listens as ours do, for others to kill: `python listening_process.py URL HOW`.
+"""A process that listens as ours do, for others to kill.
 
-HOW is ``one`` (a channel by name) or ``all``. It says "listening" and why it is not filtered, and,
-as often as it hears the lab's e-stop, by how many kB its memory has grown.
+    python listening_process.py URL HOW [KEY]
+
+HOW is ``one`` (a channel by name) or ``all``, KEY the file of the lab's key. It says "listening"
+and why it is not filtered, and, as often as it hears the lab's e-stop, by how many kB its memory
+has grown since the first one.
 """
 
 import sys
@@ -22,12 +25,18 @@ def say(text: object) -> None:
     sys.stdout.flush()
 
 
-def main(url: str, how: str) -> None:
-    listener = Listener(load_config(overrides=[f"bus.url={url}"]))
+def main(url: str, how: str, *key_files: str) -> None:
+    keys = [f"bus.key_file={file}" for file in key_files]
+    listener = Listener(load_config(overrides=[f"bus.url={url}", *keys]))
     if how == "all":
         listener.overhear(lambda *_: None)
-    before_kb = resident_kb()
-    listener.subscribe(ESTOP, lambda _: say(resident_kb() - before_kb))
+    heard_kb: list[int] = []
+
+    def hear(_: object) -> None:
+        heard_kb.append(resident_kb())
+        say(heard_kb[-1] - heard_kb[0])
+
+    listener.subscribe(ESTOP, hear)
     say(f"listening {listener.filter_fault()!r}")
     while True:
         listener.spin(1.0)
