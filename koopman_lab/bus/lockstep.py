@@ -25,6 +25,17 @@ NEVER_US = 2**63
 """Of a message that no timer waits for, so that there is always one to compare with."""
 
 
+def message_rank(order: int) -> int:
+    """Return the place of a node's messages among all that happens at one time.
+
+    Parameters
+    ----------
+    order
+        Of the node, from 0.
+    """
+    return 2 * order + MESSAGE
+
+
 class LockstepPort(BasePort):
     """A node's side of the virtual bus."""
 
@@ -33,7 +44,7 @@ class LockstepPort(BasePort):
     def __init__(self, node_name: str, config: LabConfig, runner: Lockstep, order: int) -> None:
         super().__init__(node_name, config, runner.process)
         self._runner = runner
-        self._rank = 2 * order + MESSAGE
+        self._rank = message_rank(order)
         self.audience = runner.routes
 
     def bus_us(self) -> int:
@@ -99,8 +110,8 @@ class Lockstep:
         self._nodes.append(node)
         self._ports.append(port)
         for name, subscription in port.subscriptions.items():
-            rank = 2 * order + MESSAGE
-            self.routes.setdefault(name, []).append((rank, subscription.arrive))
+            listener = message_rank(order), subscription.arrive
+            self.routes.setdefault(name, []).append(listener)
         for timer in port.timers:
             timer.start(self.now_us)
             item = (timer.deadline_us, 2 * order + TIMER, self._number(), timer)

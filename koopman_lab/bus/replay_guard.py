@@ -19,8 +19,7 @@ SAME_SENDER_US = US_PER_S
 SILENCE_US = 50_000
 """After five motor ticks without a message, any sender may be the one whose clock was set."""
 GONE_US = US_PER_S
-"""After so long without a message a sender with a number is gone; started again it has another, and
-needs about as long for it."""
+"""After so long without a message a sender with a number is gone, whatever is said since."""
 
 Replayed = Literal["passes", "stream", "order"]
 """What becomes of a replayed message where somebody acts on its channel: it passes, because who
@@ -96,7 +95,7 @@ class SignedStreamGuard:
 
     def __init__(self) -> None:
         self._sender: bytes | None = None
-        self._ahead_us = self._heard_us = 0
+        self._is_of_now, self._heard_us = False, 0
 
     def accepts(self, sender: bytes, utime: int, now_us: int) -> bool:
         """Return whether a message is of the sender that is followed, or another one is from now.
@@ -110,15 +109,13 @@ class SignedStreamGuard:
         now_us
             Present time of the bus (us).
         """
-        ahead_us = abs(utime - now_us)
-        if (
-            self._sender is not None
-            and sender != self._sender
-            and now_us - self._heard_us < GONE_US
-            and not ahead_us <= SAME_SENDER_US < self._ahead_us
-        ):
-            return False
-        self._sender, self._ahead_us, self._heard_us = sender, ahead_us, now_us
+        is_of_now = is_current(utime, now_us, SAME_SENDER_US)
+        if sender != self._sender and self._sender is not None:
+            # A log is never of now, so who is may be believed to be there instead.
+            patience_us = 0 if not self._is_of_now else SILENCE_US
+            if now_us - self._heard_us < (patience_us if is_of_now else GONE_US):
+                return False
+        self._sender, self._is_of_now, self._heard_us = sender, is_of_now, now_us
         return True
 
 

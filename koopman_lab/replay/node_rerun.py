@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from koopman_lab.bus.channel import ABOARD, COMMANDER, OPERATOR, SUPERVISOR, Channel
 from koopman_lab.bus.channels import all_channels
-from koopman_lab.bus.lockstep import Lockstep
+from koopman_lab.bus.lockstep import Lockstep, message_rank
 from koopman_lab.bus.node import Node, Port
 from koopman_lab.bus.processes import STANDING, commanders
 from koopman_lab.bus.subscription import Deliver
@@ -146,7 +146,7 @@ def rerun(
             if PLACES[place] == OPERATOR and at_us != before_us:
                 # Whoever is no node speaks between two times: before all others if first.
                 place = 0
-            lab.push(at_us, place, _sender(lab, name), event.data)
+            lab.push(at_us, message_rank(place), _sender(lab, name), event.data)
         before_us = at_us
     end_us = max(event.timestamp_us for event in events)
     try:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
-from offboard.bench.process_cost import cpu_time_s, most_memory_mb
+from offboard.lab.process_cost import cpu_time_s, most_memory_mb
 from offboard.lab.python_process import module_command
 
 if TYPE_CHECKING:

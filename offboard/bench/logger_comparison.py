@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from koopman_lab.config.schema import LabConfig
-from offboard.bench.process_cost import cpu_time_s, most_memory_mb
+from offboard.lab.process_cost import cpu_time_s, most_memory_mb
 
 if TYPE_CHECKING:
     from rich.table import Table

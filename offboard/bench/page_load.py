@@ -15,8 +15,8 @@ import lcmtypes
 from koopman_lab.bus.channels import HEARTBEATS
 from koopman_lab.errors import LabStateError
 from offboard.bench.browser import browser, visit
-from offboard.bench.process_cost import cpu_time_s, memory_mb
 from offboard.commands.view import HOST, free_port
+from offboard.lab.process_cost import cpu_time_s, memory_mb
 from offboard.lab.python_process import module_command
 
 if TYPE_CHECKING:

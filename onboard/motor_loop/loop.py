@@ -85,7 +85,7 @@ class MotorLoop:
         self._duties = NO_DUTY
         self._wheel_setpoints: Speeds = STANDING
         self._health = Health(loop, self._fastest_wheel())
-        self._wheels = tuple(WheelController(loop.pid, self._tick_s) for _ in (LEFT, RIGHT))
+        self._wheels = (WheelController(loop.pid), WheelController(loop.pid))
 
     def command(self, command: Command, now_us: int) -> Refusal | None:
         """Take a command; return why it was refused, or None."""
@@ -228,8 +228,8 @@ class MotorLoop:
         left, right = wheel_speeds(v, omega, self._wheel_radius_m, self._track_width_m)
         self._wheel_setpoints = left, right
         return (
-            left_wheel.step(left, measured[LEFT]),
-            right_wheel.step(right, measured[RIGHT]),
+            left_wheel.step(left, measured[LEFT], self._tick_s),
+            right_wheel.step(right, measured[RIGHT], self._tick_s),
         )
 
     def _stand_by(self) -> None:

@@ -11,24 +11,16 @@ class WheelController:
     The feed-forward inverts the nominal motor: a first-order lag with Coulomb friction.
     The derivative acts on the filtered measurement, so a step of the set-point does not kick.
     Anti-windup: the integral stands still while the output is limited in its direction.
-
-    Parameters
-    ----------
-    settings
-        Gains and feed-forward.
-    dt_s
-        From one tick to the next (s).
     """
 
-    def __init__(self, settings: motor_loop.Pid, dt_s: float) -> None:
-        self._dt_s = dt_s
+    def __init__(self, settings: motor_loop.Pid) -> None:
         self._full_speed = settings.feed_forward_full_duty_rad_per_s
         self._lag_s = settings.feed_forward_lag_s
         self._friction_duty = settings.friction_duty
         self._proportional = settings.proportional
         self._integral_per_s = settings.integral_per_s
         self._derivative_s = settings.derivative_s
-        self._filter_share = dt_s / (settings.derivative_filter_s + dt_s)
+        self._filter_s = settings.derivative_filter_s
         self.reset()
 
     def reset(self) -> None:
@@ -37,13 +29,12 @@ class WheelController:
         self._filtered: float | None = None
         self._setpoint: float | None = None
 
-    def step(self, setpoint: float, measured: float) -> float:
-        """Return the duty for the next tick."""
-        dt_s = self._dt_s
+    def step(self, setpoint: float, measured: float, dt_s: float) -> float:
+        """Return the duty for the next ``dt_s`` seconds."""
         filtered, previous = self._filtered, self._setpoint
         if filtered is None or previous is None:
             filtered, previous = measured, setpoint
-        change = self._filter_share * (measured - filtered)
+        change = dt_s / (self._filter_s + dt_s) * (measured - filtered)
         self._filtered = filtered + change
         self._setpoint = setpoint
         rate = (setpoint - previous) / dt_s

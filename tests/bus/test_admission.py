@@ -15,9 +15,8 @@ from koopman_lab.bus.admission import (
 )
 from koopman_lab.bus.authentication import Signer
 from koopman_lab.bus.lab_key import KEY_BYTES
-from koopman_lab.bus.replay_guard import GONE_US, SAME_SENDER_US
+from koopman_lab.bus.replay_guard import GONE_US, SAME_SENDER_US, SILENCE_US
 from koopman_lab.eventlog.older_layouts import OLDER_LAYOUTS
-from koopman_lab.units import US_PER_S
 
 KEY, OTHER_KEY = b"k" * KEY_BYTES, b"o" * KEY_BYTES
 MUST_NOT_BE_OPEN = {
@@ -166,33 +165,43 @@ def test_channels_of_one_publisher_by_wire_follow_one_sender(channel):
     assert follows == (channel.suffix in ("ENCODER", "MOTOR_CMD"))
 
 
+def talk(*said):
+    """Return who of those that say something, each so long after the one before, is let in."""
+    admission, now_us, admitted = admission_of(KEY, channels.MOTOR_CMD, "R1_MOTOR_CMD"), 10**15, []
+    for signer, pause_us, ahead_us in said:
+        now_us += pause_us
+        data = duties(signer, "R1_MOTOR_CMD", now_us + ahead_us)
+        admitted.append(admission.admits_at(data, now_us))
+    return admitted
+
+
+OLD = st.integers(SAME_SENDER_US + 1, 10**13)
+"""How old what was recorded is, at least."""
+
+
 @given(
-    pauses_us=st.lists(st.integers(1, GONE_US - 1), min_size=2, max_size=20),
-    age_us=st.integers(SAME_SENDER_US + 1, 10**13),
-    step_us=st.integers(-(10**13), 10**13),
+    st.lists(st.integers(1, GONE_US - 1), min_size=2, max_size=20),
+    OLD,
+    st.integers(-(9**13), 9**13),
 )
 def test_what_was_recorded_is_no_stream_to_turn_to_where_the_live_one_comes_late(
     pauses_us, age_us, step_us
 ):
     """Also where the clock of the live one is set, since its number stays."""
-    admission = admission_of(KEY, channels.MOTOR_CMD, "R1_MOTOR_CMD")
-    live, recorded, now_us = Signer(KEY), Signer(KEY), 10**15
-    assert admission.admits_at(duties(live, "R1_MOTOR_CMD", now_us), now_us)
+    live, log = Signer(KEY), Signer(KEY)
+    said = [(live, 0, 0)]
     for pause_us in pauses_us:
-        now_us += pause_us
-        log = duties(recorded, "R1_MOTOR_CMD", now_us - age_us)
-        assert not admission.admits_at(log, now_us)
-        assert admission.admits_at(duties(live, "R1_MOTOR_CMD", now_us + step_us), now_us)
+        said += [(log, pause_us, -age_us), (live, 0, step_us)]
+    assert talk(*said) == [True] + [False, True] * len(pauses_us)
 
 
-@given(age_us=st.integers(2 * US_PER_S, 10**13))
-def test_who_is_started_again_is_followed_after_a_second_and_the_live_one_before_a_log(age_us):
-    admission = admission_of(KEY, channels.MOTOR_CMD, "R1_MOTOR_CMD")
-    first, log, second, now_us = Signer(KEY), Signer(KEY), Signer(KEY), 10**15
-    assert admission.admits_at(duties(first, "R1_MOTOR_CMD", now_us), now_us)
-    now_us += GONE_US - 1
-    assert not admission.admits_at(duties(log, "R1_MOTOR_CMD", now_us - age_us), now_us)
-    now_us += 1
-    assert admission.admits_at(duties(log, "R1_MOTOR_CMD", now_us - age_us), now_us)
-    assert admission.admits_at(duties(second, "R1_MOTOR_CMD", now_us), now_us)
-    assert not admission.admits_at(duties(log, "R1_MOTOR_CMD", now_us - age_us), now_us)
+@given(OLD)
+def test_who_is_started_again_is_followed_at_once_and_a_log_after_a_second(age_us):
+    first, log, second = Signer(KEY), Signer(KEY), Signer(KEY)
+    assert talk((first, 0, 0), (second, SILENCE_US - 1, 0), (second, 1, 0)) == [True, False, True]
+    assert talk((first, 0, 0), (log, GONE_US - 1, -age_us), (log, 1, -age_us)) == [
+        *(True, False, True),
+    ]
+    # Who is live is followed before a log that is, and a board whose clock is wrong after a second.
+    assert talk((log, 0, -age_us), (second, 1, 0), (log, 1, -age_us)) == [True, True, False]
+    assert talk((first, 0, 0), (second, GONE_US, -age_us), (second, 1, -age_us)) == [True] * 3

@@ -6,7 +6,7 @@ import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from offboard.bench.process_cost import memory_mb
+from offboard.lab.process_cost import memory_mb
 
 
 @dataclass
