@@ -28,7 +28,7 @@ from koopman_lab.errors import ConfigError
 
 
 def load_config(
-    file: Path | None = None,
+    file: Path | str | None = None,
     *,
     robot: str | None = None,
     preset: str = Preset.lab,
@@ -58,7 +58,8 @@ def load_config(
     PluginError
         If the robot is another package's, and cannot be used.
     """
-    layers = layers_of(file, robot=robot, preset=preset, bus_url=bus_url, overrides=overrides)
+    path = None if file is None else Path(file)
+    layers = layers_of(path, robot=robot, preset=preset, bus_url=bus_url, overrides=overrides)
     try:
         config = LabConfig.model_validate(merged(layers))
     except ValidationError as error:
