@@ -94,7 +94,7 @@ def ear(bus_url):
 def test_it_brings_what_a_board_needs_and_nothing_of_the_desk(base):
     installed = base.packages()
     assert {"lcm", "numpy", "packaging", "pydantic", "pyyaml", "rich", "typer"} <= installed
-    for extra in ("desk", "mcap", "cluster", "edmd", "bench", "test", "mutate", "dev"):
+    for extra in ("desk", "mcap", "cluster", "edmd", "bench", "rl", "test", "mutate", "dev"):
         assert not installed & set(packages(extra))
 
 
