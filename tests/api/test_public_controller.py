@@ -79,9 +79,9 @@ def test_the_sampling_time_is_the_models_unless_somebody_says_another():
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"horizn": 40}, "did you mean controller.horizon"),
-        ({"horizon": "many"}, r"controller\.horizon"),
-        ({"cost": "free"}, r"controller\.cost"),
+        ({"horizn": 40}, r"settings: controller\.horizn: .*did you mean controller\.horizon"),
+        ({"horizon": "many"}, r"settings: controller\.horizon: .*'many'"),
+        ({"cost": "free"}, r"settings: controller\.cost: .*'free'"),
         ({"weights": {"me": {"q": [1.0], "r": [1.0, 1.0]}}}, "3 states .*found 1 weights"),
         ({"robot": "tractor"}, "unknown robot 'tractor'"),
         ({"config": "nowhere.yaml"}, "nowhere.yaml"),

@@ -1,5 +1,7 @@
 """The parking task as a Gymnasium environment."""
 
+import importlib
+
 import gymnasium
 import numpy as np
 import pytest
@@ -7,7 +9,9 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
 import koopman_lab as kl
-from koopman_lab.errors import ArgumentError, ConfigError, LabStateError
+import offboard.rl
+from koopman_lab import installation
+from koopman_lab.errors import ArgumentError, ConfigError, InstallationError, LabStateError
 from offboard.rl import PARKING
 from offboard.rl.parking_env import ParkingEnv
 
@@ -39,6 +43,13 @@ def test_it_is_what_gymnasium_asks_of_an_environment(robot, preset):
 def test_it_is_found_by_its_name_alone():
     env = gymnasium.make(f"offboard.rl:{PARKING}")
     assert isinstance(env.unwrapped, ParkingEnv)
+
+
+def test_without_the_extra_it_says_what_installs_it(monkeypatch):
+    there = installation._is_installed
+    monkeypatch.setattr(installation, "_is_installed", lambda n: n != "gymnasium" and there(n))
+    with pytest.raises(InstallationError, match=r"\(gymnasium\).*koopman-lab\[rl\]"):
+        importlib.reload(offboard.rl)
 
 
 @pytest.mark.parametrize("robot", ["kinematic", "dynamic"])
