@@ -171,6 +171,23 @@ def test_jobs_without_other_processes_are_done(base, tmp_path):
         assert code == 0, f"{line}\n{out}{err}"
 
 
+def test_the_library_gives_out_what_works_here_and_says_what_installs_the_rest(base):
+    asks = """
+import koopman_lab as kl
+for name in kl.__all__:
+    try:
+        getattr(kl, name)
+    except kl.LabError as error:
+        print(name, str(error).splitlines()[-1], sep=": ")
+"""
+    refused = dict(line.split(": ", 1) for line in base.printed_by(asks).splitlines())
+    assert {"Controller", "plot_paths"} <= refused.keys()
+    assert not {"DataSet", "LabConfig", "load_config", "read_data"} & refused.keys()
+    for name, said in refused.items():
+        assert said.startswith(f"koopman_lab.{name} needs packages that are not installed"), said
+        assert said.endswith(install_command("desk")), said
+
+
 def test_a_log_is_replayed_and_a_goal_is_asked_for(base, bus_url, tmp_path):
     reference = Path(__file__).parents[1] / "data" / "reference" / "park.lcm"
     replay = ("replay", reference, "--speed", "20", "--url", other(bus_url))
