@@ -69,6 +69,15 @@ def test_settings_are_those_of_the_configuration(tmp_path):
         assert kl.Controller(EXACT, config, horizon=12).config.controller.horizon == 12
 
 
+def test_a_model_may_be_its_file(tmp_path):
+    EXACT.save(tmp_path / "model.npz")
+    for file in (tmp_path / "model.npz", str(tmp_path / "model.npz")):
+        read = kl.Controller(file, **QUICK)
+        np.testing.assert_array_equal(
+            read.step(START).u, kl.Controller(EXACT, **QUICK).step(START).u
+        )
+
+
 def test_the_sampling_time_is_the_models_unless_somebody_says_another():
     slower = kl.Model(exact_d5t(0.1))
     assert kl.Controller(slower, **QUICK).dt_s == 0.1
