@@ -40,6 +40,10 @@ class PluginError(LabError):
     """A row that another package adds to a table cannot be used."""
 
 
+class ArgumentError(LabError, ValueError):
+    """What was passed to a function cannot be used: its shape, or a number in it."""
+
+
 class DiskError(LabError, OSError):
     """What is written cannot be: the disk is full or read-only, or the folder another's.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -86,3 +86,29 @@ def override_layer(text: str) -> Layer:
         value = {part: value}
     lines = {key[: i + 1]: 0 for i in range(len(key))}
     return Layer(f"--set {text}", value, lines)
+
+
+def settings_layer(settings: Mapping[str, Any]) -> Layer:
+    """Return what settings in Python say: values by section and key.
+
+    Numbers and arrays of NumPy, and tuples, count as what YAML has in their place.
+    """
+    values = {section: _plain(part) for section, part in settings.items()}
+    return Layer("settings", values, dict.fromkeys(_keys(values, ()), 0))
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):  # NumPy's, which need not be loaded to ask
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: _plain(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    return value
+
+
+def _keys(values: Mapping[str, Any], above: Key) -> Iterator[Key]:
+    for name, value in values.items():
+        yield (*above, name)
+        if isinstance(value, Mapping):
+            yield from _keys(value, (*above, name))

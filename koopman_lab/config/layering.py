@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from koopman_lab.config.layer import Layer, merge, override_layer, read_layer
+from koopman_lab.config.layer import Layer, merge, override_layer, read_layer, settings_layer
 from koopman_lab.config.moved_keys import moved
 from koopman_lab.config.presets import Preset
 from koopman_lab.config.robot_defaults import default_layer, robot_layer, robot_preset_layer
@@ -26,6 +26,7 @@ def layers_of(
     preset: str = Preset.lab,
     bus_url: str | None = None,
     overrides: Sequence[str] = (),
+    settings: Mapping[str, Any] | None = None,
 ) -> list[Layer]:
     """Return the layers of a configuration, later ones winning key by key.
 
@@ -34,6 +35,7 @@ def layers_of(
     """
     user = [read_layer(file)] if file else []
     user += [override_layer(text) for text in overrides]
+    user += [settings_layer(settings)] if settings else []
     configured_kind = robot_kind(user)
     if robot and configured_kind and robot != configured_kind:
         where = locate(("robot", "kind"), user)

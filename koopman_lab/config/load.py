@@ -1,22 +1,22 @@
 """From YAML files and ``--set`` overrides to a validated :class:`LabConfig`.
 
 Layers, later ones winning key by key: the defaults of all robots, those of the robot's kind, the
-preset, what the preset changes for the kind, the user's file, the overrides.
+preset, what the preset changes for the kind, the user's file, the overrides, settings in Python.
 """
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from koopman_lab.config.bounds import OUT_OF_BOUNDS
-from koopman_lab.config.layer import Layer, merge, parse_layer
+from koopman_lab.config.layer import Layer, merge, parse_layer, settings_layer
 from koopman_lab.config.layering import known_robot, layers_of, locate, merged, robot_kind
 from koopman_lab.config.moved_keys import translate
 from koopman_lab.config.presets import Preset
@@ -28,12 +28,13 @@ from koopman_lab.errors import ConfigError
 
 
 def load_config(
-    file: Path | None = None,
+    file: Path | str | None = None,
     *,
     robot: str | None = None,
     preset: str = Preset.lab,
     bus_url: str | None = None,
     overrides: Sequence[str] = (),
+    settings: Mapping[str, Any] | None = None,
 ) -> LabConfig:
     """Return the configuration of a lab.
 
@@ -49,6 +50,8 @@ def load_config(
         In place of the default ``bus.url``; the file and the overrides stand above it.
     overrides
         ``section.key=value`` with a YAML value each, for example ``controller.horizon=40``.
+    settings
+        Values above all others, as Python has them: ``{"controller": {"horizon": 40}}``.
 
     Raises
     ------
@@ -58,12 +61,40 @@ def load_config(
     PluginError
         If the robot is another package's, and cannot be used.
     """
-    layers = layers_of(file, robot=robot, preset=preset, bus_url=bus_url, overrides=overrides)
+    path = None if file is None else Path(file)
+    layers = layers_of(
+        path, robot=robot, preset=preset, bus_url=bus_url, overrides=overrides, settings=settings
+    )
     try:
         config = LabConfig.model_validate(merged(layers))
     except ValidationError as error:
         raise ConfigError(_error_text(error.errors(), layers)) from None
     return config
+
+
+def with_settings(config: LabConfig, settings: Mapping[str, Any]) -> LabConfig:
+    """Return a configuration with other values, as far as they are allowed.
+
+    Parameters
+    ----------
+    config
+        The configuration.
+    settings
+        As for :func:`load_config`.
+
+    Raises
+    ------
+    ConfigError
+        If a value is not allowed; see :func:`load_config`.
+    """
+    layers = [
+        Layer("the configuration", config.model_dump(mode="json"), {}),
+        settings_layer(settings),
+    ]
+    try:
+        return LabConfig.model_validate(merged(layers))
+    except ValidationError as error:
+        raise ConfigError(_error_text(error.errors(), layers)) from None
 
 
 def dump_config(config: LabConfig) -> str:

@@ -120,7 +120,7 @@ class DataSet:
                 digest.update(little.tobytes())
         return digest.hexdigest()
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path | str) -> None:
         """Write one ``.npz`` file without pickle, whole or not at all."""
         header = {
             "format": FORMAT,
@@ -134,10 +134,10 @@ class DataSet:
             for name, table in self._tables()
             for index, array in sorted(table.items())
         }
-        write_array_file(path, header, arrays)
+        write_array_file(Path(path), header, arrays)
 
     @classmethod
-    def load(cls, path: Path) -> DataSet:
+    def load(cls, path: Path | str) -> DataSet:
         """Read a file that :meth:`save` wrote.
 
         Raises
@@ -145,6 +145,7 @@ class DataSet:
         DataError
             If the file is missing, damaged, no data set, or of another version.
         """
+        path = Path(path)
         refusal = Refusal(path, "a data set", _REMEDY, DataError)
         header, arrays = read_array_file(refusal)
         if "matrices" in arrays:
@@ -239,6 +240,13 @@ class DataSet:
             robot_kind=lab.robot.kind,
             metadata=metadata,
         )
+
+    def __repr__(self) -> str:
+        pairs = ", ".join(
+            f"{len(self.X[index])} pairs under u_{index} = ({', '.join(f'{v:g}' for v in u)})"
+            for index, u in sorted(self.basis_inputs.items())
+        )
+        return f"DataSet({self.robot_kind} robot, dt {self.dt_s:g} s: {pairs})"
 
     def _tables(self) -> list[tuple[str, dict[int, NDArray[Any]]]]:
         return [(name, getattr(self, name)) for name in _TABLES]

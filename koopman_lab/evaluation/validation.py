@@ -58,6 +58,14 @@ class Validation:
     reprojection: bool | None
     errors: Sequence[Errors | None]
 
+    def __repr__(self) -> str:
+        known = [e for e in self.errors if e is not None]
+        means = ", ".join(
+            f"{e.steps} ahead {1e3 * e.position_mean_m:.3g} mm {e.angle_mean_rad:.3g} rad"
+            for e in known[:: max(len(known) - 1, 1)]
+        )
+        return f"Validation({self.label} on {self.runs} runs, {self.shape}: mean errors {means})"
+
 
 def common_dt_s(models: Mapping[str, LearnedModel]) -> float:
     """Return the sampling time of all models.

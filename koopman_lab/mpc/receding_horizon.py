@@ -56,6 +56,11 @@ class Decision:
     iterations: int
     failures_in_a_row: int
 
+    def __repr__(self) -> str:
+        u = ", ".join(f"{value:.4g}" for value in self.u.tolist())
+        how = f"solved in {self.iterations} iterations" if self.solved else "unsolved"
+        return f"Decision(u = ({u}), value {self.plan.value:.4g}, {how})"
+
 
 class RecedingHorizon:
     """Optimises step by step.

@@ -50,6 +50,15 @@ class Run:
     iterations: NDArray[np.int_]
     unsolved: int
 
+    def __repr__(self) -> str:
+        start, end = (
+            ", ".join(f"{value:.4g}" for value in x.tolist()) for x in self.states[[0, -1]]
+        )
+        return (
+            f"Run({len(self.inputs)} steps in {self.time_s[-1]:g} s, from ({start}) to ({end}), "
+            f"{self.unsolved} unsolved)"
+        )
+
 
 SPEEDS = ("v_m_per_s", "omega_rad_per_s")
 """Columns that every table has, also of robots whose state does not hold these speeds."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from koopman_lab.bus.age import is_current
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.geometry.planar import Pose, relative_to, wrap_angle
+from koopman_lab.geometry.planar import Pose, relative_to
 from koopman_lab.mpc.receding_horizon import Decision, RecedingHorizon
 from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
@@ -18,11 +18,8 @@ from offboard.controller.controller_step import Inputs, Outputs, State
 from offboard.controller.estimate import StateEstimator
 from offboard.desk.floor import require_on_floor
 from offboard.desk.interlock import Interlock
+from offboard.desk.parked import is_at_rest, is_inside
 from offboard.desk.results import Pause
-
-REST_SPEED_M_PER_S = 0.01
-REST_TURN_RAD_PER_S = 0.05
-"""Slower than this the robot counts as standing; a few times what one encoder count makes."""
 
 STOP_LIMIT_S = 2.0
 """The end is reported after this time even if no wheel odometry shows the robot at rest."""
@@ -59,7 +56,7 @@ class Controller:
         """Those that have ended."""
         self._settings, self._floor = config.controller, config.floor
         robot = robot_type(config.robot.kind)
-        self._speeds_at = robot.speeds_at
+        self._robot = robot
         self._no_input = np.zeros(robot.input_dim)
         self._state_dim = robot.state_dim
         self.optimiser = optimiser
@@ -179,21 +176,12 @@ class Controller:
 
     def _held_inside(self, x: NDArray[np.float64], now_us: int) -> bool:
         if self._estimator.is_measured:
-            if not self._inside(x):
+            if not is_inside(x, self._settings, self._robot):
                 self._inside_since_us = None
             elif self._inside_since_us is None:
                 self._inside_since_us = now_us
         hold_us = round(self._settings.parked_hold_s * US_PER_S)
         return self._inside_since_us is not None and now_us - self._inside_since_us >= hold_us
-
-    def _inside(self, x: NDArray[np.float64]) -> bool:
-        largest_x1, largest_x2 = self._settings.parked_position_m
-        return (
-            abs(x[0]) <= largest_x1
-            and abs(x[1]) <= largest_x2
-            and abs(wrap_angle(float(x[2]))) <= self._settings.parked_angle_rad
-            and (not self._speeds_at or _at_rest(*x[list(self._speeds_at)]))
-        )
 
     def _end(self, state: State, reason: str, now_us: int) -> None:
         self.state = state
@@ -219,7 +207,7 @@ class Controller:
             return outputs
         wheels = self._estimator.wheels
         after_end = wheels is not None and wheels.utime > self._ended_us
-        stopped = wheels is not None and after_end and _at_rest(*wheels.velocity)
+        stopped = wheels is not None and after_end and is_at_rest(*wheels.velocity)
         # Without odometry there is nothing to wait for.
         blind = not self._estimator.knows_speed(now_us)
         late = now_us - self._ended_us >= round(STOP_LIMIT_S * US_PER_S)
@@ -231,7 +219,3 @@ class Controller:
         pose_utime = None if frame is None else frame.utime
         holds = self.state in (State.WAIT, State.DRIVING)
         return Outputs(self.state, holds, tuple(u.tolist()), state_in_goal_frame, pose_utime)
-
-
-def _at_rest(v: float, omega: float) -> bool:
-    return abs(v) <= REST_SPEED_M_PER_S and abs(omega) <= REST_TURN_RAD_PER_S

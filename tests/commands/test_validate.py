@@ -1,10 +1,12 @@
 """`klab reference` and `klab validate`: from a driven shape to the errors of a model."""
 
 import json
+from dataclasses import asdict
 
 import pytest
 from klab import MODEL, REFERENCE, klab_json, klab_ok
 
+import koopman_lab as kl
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.errors import DataError
 from offboard.commands.data.figure import multistep
@@ -47,6 +49,16 @@ def test_models_are_measured_beside_the_nominal_one(runs, tmp_path):
     }
     lines = (tmp_path / "validation.csv").read_text().splitlines()
     assert len(lines) == 1 + 3 * 20
+    in_python = kl.validate({MODEL.stem: MODEL}, str(runs), steps=20)
+    assert [json.loads(json.dumps(asdict(v))) for v in in_python] == facts["validations"]
+    assert repr(in_python[0]).startswith(
+        "Validation(model on 2 runs, infinity: mean errors 1 ahead"
+    )
+    (by_its_own_name, *_) = kl.validate(str(MODEL), runs, steps=1)
+    assert by_its_own_name.model == "D5t"
+    picture = kl.plot_validation(in_python, tmp_path / "again.pdf")
+    numbers = picture.png.with_suffix(".csv").read_text()
+    assert numbers.splitlines() == lines
 
 
 def test_what_does_not_fit_is_refused_in_words(runs):

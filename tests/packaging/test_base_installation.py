@@ -94,7 +94,7 @@ def ear(bus_url):
 def test_it_brings_what_a_board_needs_and_nothing_of_the_desk(base):
     installed = base.packages()
     assert {"lcm", "numpy", "packaging", "pydantic", "pyyaml", "rich", "typer"} <= installed
-    for extra in ("desk", "mcap", "cluster", "edmd", "bench", "test", "mutate", "dev"):
+    for extra in ("desk", "mcap", "cluster", "edmd", "bench", "rl", "test", "mutate", "dev"):
         assert not installed & set(packages(extra))
 
 
@@ -169,6 +169,23 @@ def test_jobs_without_other_processes_are_done(base, tmp_path):
     lines = [[*words.split(), *arguments] for words, arguments in ALONE]
     for line, (code, out, err) in zip(lines, base.each(lines, cwd=tmp_path), strict=True):
         assert code == 0, f"{line}\n{out}{err}"
+
+
+def test_the_library_gives_out_what_works_here_and_says_what_installs_the_rest(base):
+    asks = """
+import koopman_lab as kl
+for name in kl.__all__:
+    try:
+        getattr(kl, name)
+    except kl.LabError as error:
+        print(name, str(error).splitlines()[-1], sep=": ")
+"""
+    refused = dict(line.split(": ", 1) for line in base.printed_by(asks).splitlines())
+    assert {"Controller", "plot_paths"} <= refused.keys()
+    assert not {"DataSet", "LabConfig", "load_config", "read_data"} & refused.keys()
+    for name, said in refused.items():
+        assert said.startswith(f"koopman_lab.{name} needs packages that are not installed"), said
+        assert said.endswith(install_command("desk")), said
 
 
 def test_a_log_is_replayed_and_a_goal_is_asked_for(base, bus_url, tmp_path):

@@ -70,6 +70,10 @@ class BaseInstallation:
         listed = self._run(self.python, "-m", "pip", "list", "--format", "json")
         return {row["name"].lower().replace("_", "-") for row in json.loads(listed)}
 
+    def printed_by(self, code: str) -> str:
+        """Run Python code, and return what it prints."""
+        return self._run(self.python, "-c", code)
+
     def klab(self, *arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
         """Run a command to its end."""
         return subprocess.run(

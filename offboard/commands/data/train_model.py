@@ -13,7 +13,6 @@ import typer
 from koopman_lab.errors import LabError, ModelError
 from offboard.commands.data.marker_line import marker_line
 from offboard.commands.data.model_info import lines
-from offboard.commands.data.training_verdicts import judged_model, judged_source
 from offboard.terminal import options
 from offboard.terminal.choices import name_option
 from offboard.terminal.needs import needs
@@ -127,35 +126,27 @@ def train_and_report(
         If a source cannot be used, or together they do not excite the dictionary.
     """
     from koopman_lab.data.source import open_source
-    from koopman_lab.evaluation.fit_to_drive import with_verdict
-    from koopman_lab.koopman.training_report import Method, TrainingReport
-    from koopman_lab.predictors.table import PREDICTORS, trainer_of
+    from koopman_lab.evaluation.judged_training import JudgedTrainer
+    from koopman_lab.koopman.training_report import TrainingReport
 
-    PREDICTORS.get(predictor)  # before hours of data are read
-    method = method or Method()
-    trainer = folder = None
-    passed_over, verdicts = [], []
+    trainer = JudgedTrainer(predictor, dictionary, method)
+    folder = None
+    passed_over = []
     for source in sources:
         opened = open_source(
             source, robot_kind=robot_kind, dt_s=dt_s, window=window, salvage=salvage
         )
-        if trainer is None or folder is None:
-            trainer = trainer_of(predictor, dictionary or opened.dictionary, method)
-            folder = opened.folder
-        verdicts.append(judged_source(opened))
-        trainer.add(opened.dataset)
+        folder = folder or opened.folder
+        trainer.add(opened)
         passed_over.append(opened.passed_over)
-    assert trainer is not None  # typer and the callers give at least one source
-    assert folder is not None
+    assert folder is not None  # typer and the callers give at least one source
     try:
-        learned, report = trainer.result()
+        trained = trainer.result()
     except LabError:
-        for of_source in verdicts:
+        for of_source in trainer.verdicts:
             show_verdicts(of_source)
         raise
-    data_usable = all(v.usable for of_source in verdicts for v in of_source.values())
-    judged = judged_model(learned, report, data_usable=data_usable)
-    learned = with_verdict(learned, judged, verdicts)
+    learned, report = trained.model, trained.report
     path = model if model is not None else folder / "model.npz"
     try:
         learned.save(path)
@@ -178,10 +169,10 @@ def train_and_report(
         line = marker_line(learned.metadata.get("data", {}))
         if line:
             out.print(line)
-        for source, of_source in zip(sources, verdicts, strict=True):
+        for source, of_source in zip(sources, trainer.verdicts, strict=True):
             prefix = f"{source}, " if len(sources) > 1 else ""
             show_verdicts({f"{prefix}{name}": v for name, v in of_source.items()}, out)
-        show_verdicts({"model": judged}, out)
+        show_verdicts({"model": trained.verdict}, out)
         err.print(f"model: {path}")
     return path
 

@@ -1,0 +1,1 @@
+"""The public face of the library, which ``import koopman_lab`` gives out."""
