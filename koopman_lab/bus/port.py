@@ -70,6 +70,10 @@ class Timer:
         return deadline_us
 
 
+Publication = tuple[str, Callable[[], int]]
+"""The name of a channel that a node speaks on, and what returns the number of its next message."""
+
+
 class AnyName:
     """Contains every channel name."""
 
@@ -100,8 +104,8 @@ class BasePort(ABC):
         self.worst_lateness_us = 0
         self._node_name = node_name
         self.process = process
-        self._publications: dict[str, tuple[str, count[int]]] = {}
-        """Maps a suffix to the channel's name and the numbers of the messages to come."""
+        self._publications: dict[str, Publication] = {}
+        """By the suffix of the channel."""
         self._heartbeat_rate_hz = config.bus.heartbeat_rate_hz
 
     @abstractmethod
@@ -132,19 +136,22 @@ class BasePort(ABC):
     def publish(self, channel: Channel[M], message: M) -> None:
         """Send a message with the next sequence number of its channel."""
         # As number() does, without a call more on the way of every message.
-        name, numbers = self._publications.get(channel.suffix) or self._open(channel)
-        message.sequence = next(numbers)
+        try:
+            name, next_number = self._publications[channel.suffix]
+        except KeyError:
+            name, next_number = self._open(channel)
+        message.sequence = next_number()
         if name in self.audience:
             self.send(name, message.encode())
 
     def number(self, channel: Channel[M], message: M) -> str:
         """Give a message the next number of its channel; return the channel's name on the bus."""
-        name, numbers = self._publications.get(channel.suffix) or self._open(channel)
-        message.sequence = next(numbers)
+        name, next_number = self._publications.get(channel.suffix) or self._open(channel)
+        message.sequence = next_number()
         return name
 
-    def _open(self, channel: Channel[M]) -> tuple[str, count[int]]:
-        publication = channel.name(self.robot_name), count()
+    def _open(self, channel: Channel[M]) -> Publication:
+        publication = channel.name(self.robot_name), count().__next__
         self._publications[channel.suffix] = publication
         return publication
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from koopman_lab.bus.channel import Channel, M
 from koopman_lab.bus.filtered_bus import FilteredBus
 from koopman_lab.bus.multicast import drain
-from koopman_lab.bus.port import BasePort
+from koopman_lab.bus.port import BasePort, Publication
 from koopman_lab.bus.subscription import Deliver, Subscription
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class RealtimePort(BasePort):
             data = self._signer.sign(name, data)
         self.bus.publish(name, data)
 
-    def _open(self, channel: Channel[M]) -> tuple[str, count[int]]:
+    def _open(self, channel: Channel[M]) -> Publication:
         publication = super()._open(channel)
         if self._signer is not None and channel.protection != "never":
             self._signed.add(publication[0])

@@ -31,5 +31,9 @@ class DriftingClock:
         faults = self._faults
         # Asked for every tick and message: a call would cost more than the rest of this.
         effects = faults.effects if bus_us < faults.change_us else faults.at(bus_us)
-        drift_us = round((bus_us - self._start_us) * self._drift)
-        return bus_us + self._offset_us + drift_us + effects.clock_jump_us
+        return (
+            bus_us
+            + self._offset_us
+            + round((bus_us - self._start_us) * self._drift)
+            + effects.clock_jump_us
+        )
