@@ -21,6 +21,8 @@ LARGEST_ANGLE_RAD = math.pi / 4
 GOOD_UNCALLED, LARGEST_UNCALLED = 0.2, 0.7
 """Assumptions: turns or changes that nothing calls for, as shares of the strongest effect of any
 input; 0.09 at most in preset `harsh`."""
+SURE_ERRORS = 4.0
+"""Standard errors that noise does not lead a share astray: one of 16 000 is led farther."""
 GOOD_UNEXPLAINED = 0.5
 """Assumption: the cameras' noise alone makes 0.12 in preset `harsh`."""
 
@@ -85,12 +87,21 @@ def worst(levels: Sequence[Level]) -> Level:
 
 
 def _input_level(motion: InputMotion) -> Level:
-    levels = [factor_level(factor) for factor in (motion.moved, motion.turned)]
-    levels += [factor_level(factor) for factor in motion.rates.values()]
-    for share in motion.uncalled.values():
-        levels.append("good" if abs(share) < GOOD_UNCALLED else "weak")
-        levels.append("good" if abs(share) < LARGEST_UNCALLED else "unusable")
+    factors = {"moved": motion.moved, "theta": motion.turned, **motion.rates}
+    levels = [factor_level(_surely(motion, name, 1.0, share)) for name, share in factors.items()]
+    for name, uncalled in motion.uncalled.items():
+        share = abs(_surely(motion, name, 0.0, uncalled) or 0.0)
+        levels.append("good" if share < GOOD_UNCALLED else "weak")
+        levels.append("good" if share < LARGEST_UNCALLED else "unusable")
     return worst(levels)
+
+
+def _surely(motion: InputMotion, name: str, called_for: float, share: float | None) -> float | None:
+    """Return what of a share noise leaves sure: the nearest to what is called for."""
+    if share is None:
+        return None
+    spread = SURE_ERRORS * motion.errors.get(name, 0.0)
+    return min(max(called_for, share - spread), share + spread)
 
 
 def input_text(name: str, motion: InputMotion, who: str = "the robot") -> str:

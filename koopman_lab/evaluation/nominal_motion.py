@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,6 +53,9 @@ class InputMotion:
     uncalled
         Mean turn or change that the input does not call for, by its name, as a share of the
         strongest effect of any input.
+    errors
+        Standard errors of these shares, by ``moved``, ``theta`` and the names of the others: how
+        far noise that differs from pair to pair may have led them astray.
     """
 
     pairs: int
@@ -61,6 +64,7 @@ class InputMotion:
     turned: float | None
     rates: dict[str, float]
     uncalled: dict[str, float]
+    errors: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -226,10 +230,13 @@ def _by_input(
     motions = {}
     for name, effect in nominal.items():
         seen, length_m = measured[name], _rms(effect.displacement)
+        errors: dict[str, float] = {}
         moved = None
         if length_m > CALLED_FOR * longest_m:
             along = np.vdot(effect.displacement, seen.displacement)
             moved = complex(along) / float(np.sum(np.abs(effect.displacement) ** 2))
+            rest = seen.displacement - moved * effect.displacement
+            errors["moved"] = _mean_error(rest) / length_m
         rates: dict[str, float] = {}
         uncalled: dict[str, float] = {}
         for change in changes:
@@ -238,8 +245,11 @@ def _by_input(
             asked, answer = effect.changes[change], seen.changes[change]
             if _rms(asked) > CALLED_FOR * strongest[change]:
                 rates[change] = float(asked @ answer) / float(asked @ asked)
+                errors[change] = _mean_error(answer - rates[change] * asked) / _rms(asked)
             else:
                 uncalled[change] = float(np.mean(answer - asked)) / strongest[change]
+                rest = answer - asked - np.mean(answer - asked)
+                errors[change] = _mean_error(rest) / strongest[change]
         motions[name] = InputMotion(
             len(seen.displacement),
             None if moved is None else moved.real,
@@ -247,8 +257,14 @@ def _by_input(
             rates.pop("theta", None),
             rates,
             uncalled,
+            errors,
         )
     return motions
+
+
+def _mean_error(rest: NDArray[Any]) -> float:
+    """Return the standard error of a mean, by what is left of each value without it."""
+    return _rms(rest) / float(np.sqrt(max(1, len(rest) - 1)))
 
 
 def _rms(values: NDArray[Any]) -> float:
