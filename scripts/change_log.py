@@ -77,7 +77,9 @@ def _entry(part: str) -> Entry:
 
 def main() -> None:
     """Print what is said of the version that is named; end with 2 where nothing is."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="scripts/changes", description=(__doc__ or "").split("\n")[0]
+    )
     parser.add_argument("version", nargs="?", help="number or tag; what is not released if none")
     name = parser.parse_args().version
     try:
