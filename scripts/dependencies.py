@@ -20,6 +20,8 @@ from packaging.utils import canonicalize_name
 DISTRIBUTION = "koopman-lab"
 BASE = "base"
 PYPROJECT = Path(__file__).parents[1] / "pyproject.toml"
+PYTHONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
+"""On which the lock file has to hold, and on which the workflows run the tests."""
 EDITABLE = ("editables",)
 """What the build needs besides, for an installation that stays linked to the checkout."""
 
@@ -45,7 +47,12 @@ class Licence(NamedTuple):
     copyleft: Copyleft
 
 
-READ_BY_A_PERSON = {"cvxopt": "GPL-3.0-or-later", "lcm": "LGPL-2.1-or-later"}
+READ_BY_A_PERSON = {
+    "cvxopt": "GPL-3.0-or-later",
+    # What its metadata call GPL is a mode for Emacs, which is not in what is installed.
+    "docutils": "public domain AND BSD-2-Clause AND BSD-3-Clause",
+    "lcm": "LGPL-2.1-or-later",
+}
 """Licences that the metadata do not say, as the files of these parts do."""
 
 _STRONG = re.compile(r"\bA?GPL|GNU (Affero )?General Public", re.IGNORECASE)

@@ -6,22 +6,6 @@ ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 . "$ROOT/scripts/installation.sh"
 
-fail() {
-    printf '%s\n' "$@" >&2
-    exit 2
-}
-
-find_python() {
-    local candidate
-    for candidate in python3 python3.13 python3.12 python3.11 python3.10; do
-        if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null; then
-            printf '%s\n' "$candidate"
-            return
-        fi
-    done
-    fail "Python 3.10 or newer is missing." "On Debian or Ubuntu: sudo apt install python3 python3-venv"
-}
-
 make_environment() {
     local python stamp="$ROOT/.venv/.installed"
     if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$(fingerprint)" ]; then

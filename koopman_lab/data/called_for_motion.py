@@ -95,7 +95,7 @@ class WheelMotion:
         known &= self._gaps[inside[1]] == self._gaps[inside[0]]
         way, turn = np.where(known, way, np.nan), np.where(known, turn, np.nan)
         chord = way * np.sinc(0.5 * turn / np.pi)
-        return Motion(chord * np.exp(0.5j * turn), turn)
+        return Motion(np.asarray(chord * np.exp(0.5j * turn), dtype=np.complex128), turn)
 
     def least(self, begin_us: int, end_us: int) -> tuple[float, float]:
         """Return the way (m) and the turn (rad) at the slowest that the wheels turned."""

@@ -15,9 +15,6 @@ from offboard.terminal import options
 from offboard.terminal.output import out
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from koopman_lab.bus.channel import Channel
     from koopman_lab.bus.node import Port
     from koopman_lab.config.schema import LabConfig
@@ -121,7 +118,7 @@ def _costs(channel: Channel[Any], count: int) -> dict[str, Cost]:
 def _cost(times_ns: list[int]) -> Cost:
     import numpy as np
 
-    times: NDArray[np.float64] = np.asarray(times_ns) * 1e-3
+    times = 1e-3 * np.asarray(times_ns, dtype=np.float64)
     return Cost(*np.percentile(times, [50.0, 99.0, 100.0]).tolist())
 
 

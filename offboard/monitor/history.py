@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from itertools import islice
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 T = TypeVar("T")
 
 
-class Since(NamedTuple, Generic[T]):
+class Since(NamedTuple):
     """What a page does not have yet.
 
     Attributes
@@ -19,12 +19,12 @@ class Since(NamedTuple, Generic[T]):
     begin
         Number of the first of ``items``.
     items
-        In order.
+        In order, of the history's type; Python 3.10 has no named tuple that could say so.
     """
 
     first: int
     begin: int
-    items: list[T]
+    items: list[Any]
 
 
 class History(Generic[T]):
@@ -44,7 +44,7 @@ class History(Generic[T]):
         """Forget all items, not how many there were."""
         self._items.clear()
 
-    def since(self, number: int) -> Since[T]:
+    def since(self, number: int) -> Since:
         """Return the items from this number on."""
         first = self.next - len(self._items)
         begin = min(max(number, first), self.next)

@@ -16,6 +16,7 @@ sys.path.insert(0, str(ROOT / "scripts"))
 
 from bill_of_materials import LOCK, bill, locked, main  # noqa: E402
 from dependencies import (  # noqa: E402
+    PYTHONS,
     Copyleft,
     build_requirements,
     copyleft,
@@ -24,7 +25,6 @@ from dependencies import (  # noqa: E402
     tree,
 )
 
-PYTHONS = ("3.10", "3.11", "3.12", "3.13")
 SYSTEMS = (
     ("linux", "Linux", "x86_64"),
     ("linux", "Linux", "aarch64"),

@@ -48,27 +48,37 @@ for line in sys.stdin:
 
 
 class BaseInstallation:
-    """The checkout installed without extras.
+    """The checkout built as for a release, and its wheel installed without extras.
 
     Parameters
     ----------
     where
-        Takes the environment.
+        Takes the environment, and beside it what was built.
+
+    Attributes
+    ----------
+    source_distribution, wheel
+        What was built, the wheel from the source distribution.
     """
 
     def __init__(self, where: Path) -> None:
+        built = where.with_name("dist")
+        self._run(sys.executable, "-m", "build", "--outdir", built, ROOT)
+        (self.source_distribution,) = built.glob("*.tar.gz")
+        (self.wheel,) = built.glob("*.whl")
         self._run(sys.executable, "-m", "venv", where)
         self._programs = where / "bin"
-        self._run(self.python, "-m", "pip", "install", "--quiet", ROOT)
+        self._run(self.python, "-m", "pip", "install", "--quiet", self.wheel)
 
     @property
     def python(self) -> str:
         return str(self._programs / "python")
 
-    def packages(self) -> set[str]:
-        """Return the names of the distributions."""
+    def packages(self) -> dict[str, str]:
+        """Return the versions of the distributions by their names."""
         listed = self._run(self.python, "-m", "pip", "list", "--format", "json")
-        return {row["name"].lower().replace("_", "-") for row in json.loads(listed)}
+        rows = json.loads(listed)
+        return {row["name"].lower().replace("_", "-"): row["version"] for row in rows}
 
     def printed_by(self, code: str) -> str:
         """Run Python code, and return what it prints."""
