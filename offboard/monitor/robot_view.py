@@ -29,6 +29,7 @@ from offboard.monitor.latest_message import LatestMessage
 from offboard.monitor.plot_row import PlotRow, plot_row
 from offboard.monitor.process_states import ALIVE, FINISHED, SILENT, ProcessState, ProcessStates
 from offboard.monitor.replay_detection import REPLAY_MEMORY_S, ReplayDetection
+from offboard.monitor.replay_progress import ReplayProgress
 from offboard.monitor.streams import Stream, identity_lines
 
 ROW_S = 0.04
@@ -74,6 +75,7 @@ class RobotView:
         self._config_facts = config_facts(config)
         self.process_states = ProcessStates()
         self.replay_detection = ReplayDetection()
+        self.replay_progress = ReplayProgress()
         self.collected = CollectedSegments()
         self.rows: History[PlotRow] = History(MOST_ROWS)
         self._streams: dict[str, Stream] = {}
@@ -104,6 +106,11 @@ class RobotView:
     def take(self, stream: Stream, channel: Channel[Any], data: bytes, arrived_us: int) -> None:
         """Take a message of this robot, which its stream has taken before."""
         suffix = channel.suffix
+        if channel in (channels.REPLAY_STATE, channels.REPLAY_CONTROL):  # none of the robot's
+            if channel is channels.REPLAY_STATE and self.replay_progress.take(data, arrived_us):
+                for other in self._streams.values():
+                    other.forget_numbers()
+            return
         self._streams[suffix] = stream
         self._append_row_if_due(arrived_us)
         self.replay_detection.judge(channel, stream.utime, arrived_us)
@@ -165,7 +172,12 @@ class RobotView:
         return self._tables_of(now_us).identity_lines
 
     def snapshot(self, now_us: int) -> dict[str, Any]:
-        """Return what the page shows now, the histories left out; see :attr:`rows`."""
+        """Return what the page shows now, the histories left out; see :attr:`rows`.
+
+        Where a replay is paused that is the moment at which it is.
+        """
+        progress = self.replay_progress.snapshot(now_us)
+        now_us = self._moment_us(now_us)
         status, mpc, pose = self.status(now_us), self.mpc(now_us), self._pose.young(now_us, YOUNG_S)
         sampler = self._sampler.young(now_us, YOUNG_S)
         wheels = self._wheels.young(now_us, YOUNG_S)
@@ -181,7 +193,8 @@ class RobotView:
             "banners": headline.banners(tables.entries, tables.stale, lost_view=lost_view)
             + tables.identity_lines
             + trouble,
-            "replay": replayed or over,
+            "replay": replayed or over or (progress is not None and not self.alive(now_us)),
+            "replay_progress": progress,
             "steerable": not replayed and self.alive(now_us),
             "pose": None if pose is None else numbers(pose.x1_m, pose.x2_m, pose.theta_rad),
             # Since the camera saw it; a log's only since it was said again.
@@ -270,6 +283,13 @@ class RobotView:
         speaking = ", ".join(entry.name for entry in entries if entry.state == ALIVE)
         heard = speaking or "no process"
         return f"{prefix}the motor loop is silent; heard: {heard}{self._assumption()}"
+
+    def _moment_us(self, now_us: int) -> int:
+        """Return the moment to show (us): where a replay is paused, when it was heard last."""
+        heard_us = self._heard_us
+        if heard_us is None or not self.replay_progress.paused(now_us) or self.alive(heard_us):
+            return now_us
+        return min(now_us, heard_us)
 
     def _assumption(self) -> str:
         """Return what to add while nobody drives: a session says its configuration, a lab none."""

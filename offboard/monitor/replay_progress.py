@@ -1,0 +1,52 @@
+"""Where a log is that is sent again, as whoever sends it says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from koopman_lab.bus.channels import REPLAY_STATE
+from offboard.monitor.json_values import numbers
+from offboard.monitor.latest_message import LatestMessage
+
+YOUNG_S = 1.0
+"""It is said five times a second."""
+
+
+class ReplayProgress:
+    """Follows the messages of one replay."""
+
+    def __init__(self) -> None:
+        self._latest = LatestMessage(REPLAY_STATE)
+        self._seeks: int | None = None
+
+    def take(self, data: bytes, arrived_us: int) -> bool:
+        """Take a state; return whether the replay went on at another moment of the log since."""
+        self._latest.take(data, arrived_us)
+        state = self._latest.read()
+        before, self._seeks = self._seeks, None if state is None else state.seeks
+        return self._seeks not in (None, before)
+
+    def paused(self, now_us: int) -> bool:
+        """Return whether a replay goes on, but is paused."""
+        state = self._latest.young(now_us, YOUNG_S)
+        return state is not None and not state.playing
+
+    def control(self, now_us: int) -> int | None:
+        """Return the number of what it obeyed last, None where no replay can be steered."""
+        state = self._latest.young(now_us, YOUNG_S)
+        return None if state is None else state.control
+
+    def snapshot(self, now_us: int) -> dict[str, Any] | None:
+        """Return what the page shows: moment, first and last one (s), and how it goes on.
+
+        None where no replay can be steered.
+        """
+        state = self._latest.young(now_us, YOUNG_S)
+        if state is None:
+            return None
+        names = ("position_s", "start_s", "end_s", "speed")
+        values = numbers(*(getattr(state, name) for name in names))
+        if None in values:
+            return None
+        flags = {"playing": bool(state.playing), "loop": bool(state.loop)}
+        return dict(zip(names, values, strict=True)) | flags
