@@ -262,6 +262,8 @@ class RobotView:
         mpc: lcmtypes.mpc_state_t | None,
         sampler: lcmtypes.sampler_state_t | None,
     ) -> str:
+        if self._heard_us is None and self.replay_progress.snapshot(now_us) is not None:
+            return "replay: nothing was sent yet"
         silent_us = now_us - (self._heard_us or 0)
         if self.replay_detection.replay_over(now_us):
             return f"replay: over for {silent_us / US_PER_S:.0f} s"

@@ -6,7 +6,8 @@ import math
 import pytest
 from monitor.test_state import YEAR_US, robot_of, seen, speak
 
-from koopman_lab.bus.channels import ONBOARD_STATUS, REPLAY_STATE
+from koopman_lab.bus.channels import ONBOARD_STATUS, REPLAY_CONTROL, REPLAY_STATE
+from koopman_lab.config.load import load_config
 from offboard.monitor.lab_view import LabView
 
 
@@ -76,10 +77,20 @@ def test_where_it_goes_on_elsewhere_no_message_counts_as_lost(replay):
     assert sum(f["lost"] or 0 for f in view.snapshot(now_us + 9_000_000)["R1"]["channels"]) == 2
 
 
-def test_no_robot_appears_by_what_a_replay_says_and_no_nonsense_breaks_the_page():
-    view = LabView(seen("park.lcm")[0].robots["R1"].config)
-    say(view, 1_000)
-    assert not view.robots
+def test_a_log_of_which_nothing_was_sent_yet_can_be_begun():
+    view = LabView(load_config())
+    say(view, 1_000, playing=False)
+    robot = view.snapshot(2_000)["R1"]
+    assert robot["line"] == "replay: nothing was sent yet"
+    assert (robot["replay"], robot["steerable"], robot["pose"]) == (True, False, None)
+    assert robot["replay_progress"]["end_s"] == 9.0
+    # What is asked of a replay is no robot: its name may be a slip.
+    view.take("R7_REPLAY_CONTROL", REPLAY_CONTROL.type().encode(), 1_000)
+    assert "R7" not in view.robots
+
+
+def test_no_nonsense_breaks_the_page():
+    view = LabView(load_config())
     speak(view, "R1", 2_000)
     for value in (math.nan, math.inf, -math.inf, 1e308):
         say(view, 3_000, position_s=value, speed=value)
