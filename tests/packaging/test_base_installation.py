@@ -94,7 +94,8 @@ def ear(bus_url):
 def test_it_brings_what_a_board_needs_and_nothing_of_the_desk(base):
     installed = base.packages()
     assert {"lcm", "numpy", "packaging", "pydantic", "pyyaml", "rich", "typer"} <= installed
-    for extra in ("desk", "mcap", "cluster", "edmd", "bench", "test", "mutate", "dev"):
+    needed = ("desk", "mcap", "foxglove", "ros2", "parquet", "cluster", "edmd")
+    for extra in (*needed, "bench", "test", "mutate", "dev"):
         assert not installed & set(packages(extra))
 
 
