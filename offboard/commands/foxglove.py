@@ -12,8 +12,8 @@ from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err
 
-HOST, PORT = "127.0.0.1", 8766
-"""Not 8765, Foxglove's usual port, which the page has."""
+HOST, PORT = "127.0.0.1", 8767
+"""Not 8765, which is usual for Foxglove: there is the page, and that of a replay next to it."""
 INTERRUPTED = 130
 LOOK_S = 0.1
 
@@ -37,7 +37,7 @@ def foxglove(
     In Foxglove: open connection, Foxglove WebSocket, the address that is printed; in a 3D panel
     the display frame is `lab`.
 
-    Example: klab foxglove --port 8766
+    Example: klab foxglove --port 8767
     """
     from foxglove import Context, start_server
 

@@ -61,7 +61,8 @@ def write_session(motion: RecordedMotion, config: LabConfig, folder: Path) -> Im
     motion
         Poses and commands.
     config
-        Names the robot and says its basis inputs; the rate of the cameras is measured.
+        Names the robot and says its basis inputs; the rate of the cameras is measured, and nothing
+        counts as simulated.
     folder
         Must not exist, or be empty.
 
@@ -75,6 +76,7 @@ def write_session(motion: RecordedMotion, config: LabConfig, folder: Path) -> Im
         If the folder cannot be written.
     """
     rate_hz = _rate_hz(motion.poses)
+    config = config.model_copy(update={"simulation": None})
     text = dump_config(changed(config, "mocap", rate_hz=rate_hz))
     config = parse_config(text, f"the rate of {motion.poses.topic}")
     runs = _runs(motion.commands, config)

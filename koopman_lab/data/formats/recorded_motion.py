@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from koopman_lab.errors import LogError
 from koopman_lab.units import US_PER_S
 
+USUAL_COMMANDS = ("cmd_vel", "cmd_accel")
+"""How ROS calls commands; of several topics with velocities, others are what was measured."""
+
 
 class RecordedMessage(NamedTuple):
     """A message of a recording: topic, name of its type, decoded, and when it was recorded (us)."""
@@ -106,7 +109,7 @@ def recorded_motion(
     commands
         Types that hold a command of the robot: :data:`VELOCITIES` or :data:`ACCELERATIONS`.
     pose_topic, command_topic
-        Which topics are meant, where there are several.
+        Which topics are meant, where there are several and none is called as ROS calls commands.
 
     Raises
     ------
@@ -164,6 +167,9 @@ def _chosen(
     if not named:
         where = "no topic" if topic is None else f"{flag} {topic}: not a topic"
         raise LogError(f"{path}: {where} with {noun} ({', '.join(kinds)}); there is: {present}")
+    usual = [stream for stream in named if stream.topic.rpartition("/")[2] in USUAL_COMMANDS]
+    if len(named) > 1 and len(usual) == 1:
+        return usual[0]
     if len(named) > 1:
         names = ", ".join(stream.topic for stream in named)
         raise LogError(f"{path}: several topics with {noun}: {names}; say which with {flag}")

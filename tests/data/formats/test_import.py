@@ -140,6 +140,23 @@ def test_a_bag_of_ros_2_trains_as_the_session_would(storage, kind, stamped, tmp_
     same_pairs(tmp_path / "session", recorded.session, tmp_path)
 
 
+def test_the_bag_of_a_real_session_finds_its_runs_and_trains(tmp_path):
+    """Its commands as they were, drives between the runs included, and not the wheels' speeds."""
+    writer_of("ros2")(read_rotated_log(CALIBRATION), tmp_path / "bag")
+    own = DataSet.from_log(CALIBRATION)
+    inputs = [list(map(float, u)) for u in own.basis_inputs.values()]
+    basis = ("--set", f"sampler.basis_inputs={inputs}")
+    said = imported(tmp_path / "bag", tmp_path / "session", *basis)
+    assert "/R1/cmd_vel" in said
+    again = DataSet.from_log(tmp_path / "session")
+    for index in own.X:
+        # The sampler's runs are among the stretches; marker and discarded start are the same.
+        runs = len(np.unique(own.segments[index]))
+        assert len(np.unique(again.segments[index])) >= runs
+        own_times = set(own.start_us[index].tolist())
+        assert len(own_times & set(again.start_us[index].tolist())) > 0.9 * len(own_times)
+
+
 def test_a_file_of_foxgloves_own_library_is_read(tmp_path):
     """Poses as its SDK writes them, commands as ROS does."""
     recorded, context = Recorded("kinematic"), Context()
