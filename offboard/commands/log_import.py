@@ -23,7 +23,6 @@ MCAP = ".mcap"
 
 
 @needs("ros2")
-@needs("mcap")
 def import_(
     recording: Annotated[
         Path, typer.Argument(metavar="FILE_OR_BAG", help="An MCAP file, or the folder of a bag.")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
-from koopman_lab.bus.channels import REPLAY_STATE
+from koopman_lab.bus.channel import Channel
+from koopman_lab.bus.channels import REPLAY_CONTROL, REPLAY_STATE
 from offboard.monitor.json_values import numbers
 from offboard.monitor.latest_message import LatestMessage
+from offboard.monitor.streams import Stream
 
 YOUNG_S = 1.0
 """It is said five times a second."""
@@ -19,17 +22,27 @@ class ReplayProgress:
         self._latest = LatestMessage(REPLAY_STATE)
         self._seeks: int | None = None
 
-    def take(self, data: bytes, arrived_us: int) -> bool:
-        """Take a state; return whether the replay went on at another moment of the log since."""
-        self._latest.take(data, arrived_us)
-        state = self._latest.read()
-        before, self._seeks = self._seeks, None if state is None else state.seeks
-        return self._seeks not in (None, before)
+    def take(
+        self, channel: Channel[Any], data: bytes, arrived_us: int, streams: Iterable[Stream]
+    ) -> bool:
+        """Take a message; return whether it is one of a replay itself, and none of its log.
 
-    def paused(self, now_us: int) -> bool:
-        """Return whether a replay goes on, but is paused."""
+        Where the replay went on at another moment of the log since, nothing of what the streams
+        miss was lost.
+        """
+        if channel is REPLAY_STATE:
+            self._latest.take(data, arrived_us)
+            state = self._latest.read()
+            before, self._seeks = self._seeks, None if state is None else state.seeks
+            if self._seeks not in (None, before):
+                for stream in streams:
+                    stream.forget_numbers()
+        return channel in (REPLAY_STATE, REPLAY_CONTROL)
+
+    def moment_us(self, now_us: int, heard_us: int) -> int:
+        """Return the moment to show (us): where the replay is paused, when it was heard last."""
         state = self._latest.young(now_us, YOUNG_S)
-        return state is not None and not state.playing
+        return now_us if state is None or state.playing else min(now_us, heard_us)
 
     def control(self, now_us: int) -> int | None:
         """Return the number of what it obeyed last, None where no replay can be steered."""

@@ -106,10 +106,7 @@ class RobotView:
     def take(self, stream: Stream, channel: Channel[Any], data: bytes, arrived_us: int) -> None:
         """Take a message of this robot, which its stream has taken before."""
         suffix = channel.suffix
-        if channel in (channels.REPLAY_STATE, channels.REPLAY_CONTROL):  # none of the robot's
-            if channel is channels.REPLAY_STATE and self.replay_progress.take(data, arrived_us):
-                for other in self._streams.values():
-                    other.forget_numbers()
+        if self.replay_progress.take(channel, data, arrived_us, self._streams.values()):
             return
         self._streams[suffix] = stream
         self._append_row_if_due(arrived_us)
@@ -177,7 +174,8 @@ class RobotView:
         Where a replay is paused that is the moment at which it is.
         """
         progress = self.replay_progress.snapshot(now_us)
-        now_us = self._moment_us(now_us)
+        if self._heard_us is not None and not self.alive(self._heard_us):
+            now_us = self.replay_progress.moment_us(now_us, self._heard_us)
         status, mpc, pose = self.status(now_us), self.mpc(now_us), self._pose.young(now_us, YOUNG_S)
         sampler = self._sampler.young(now_us, YOUNG_S)
         wheels = self._wheels.young(now_us, YOUNG_S)
@@ -285,13 +283,6 @@ class RobotView:
         speaking = ", ".join(entry.name for entry in entries if entry.state == ALIVE)
         heard = speaking or "no process"
         return f"{prefix}the motor loop is silent; heard: {heard}{self._assumption()}"
-
-    def _moment_us(self, now_us: int) -> int:
-        """Return the moment to show (us): where a replay is paused, when it was heard last."""
-        heard_us = self._heard_us
-        if heard_us is None or not self.replay_progress.paused(now_us) or self.alive(heard_us):
-            return now_us
-        return min(now_us, heard_us)
 
     def _assumption(self) -> str:
         """Return what to add while nobody drives: a session says its configuration, a lab none."""
