@@ -108,6 +108,7 @@ class BusSteering:
             playback.set_playing(message.action == message.PLAY, now_us)
         elif message.action == message.SEEK:
             self.seek(round(min(max(message.value, 0.0), 1e9) * US_PER_S))
+            return  # which says so before it shows that moment
         elif message.action == message.SPEED and message.value > 0.0:
             playback.set_speed(message.value, now_us)
         self.say_state()

@@ -106,6 +106,7 @@ class Replay:
         """
         playback, start_us, report_us = self._playback, clock_us(), 0
         sent, latest_us = 0, 0
+        playback.seek(playback.start_us, start_us)  # it may have been made a while ago
         if not playback.playing:
             self.show_present()
         while not playback.finished:

@@ -39,7 +39,8 @@ def test_events_are_sent_in_order_and_never_before_their_time(speed):
     events = [Event(i, 0, f"R1_{i % 3}", bytes([i])) for i in range(20)]
     due_us = [5_000 * i for i in range(20)]
     bus, told = Bus(), []
-    done = Replay(events, Playback(due_us, clock_us(), speed=speed), bus).run(told.append)
+    made_us = clock_us() - 10_000_000  # what takes time before the first message delays them all
+    done = Replay(events, Playback(due_us, made_us, speed=speed), bus).run(told.append)
     assert bus.sent == [(event.channel, event.data) for event in events]
     assert done.events == 20
     assert done.took_s >= 0.095 / speed
