@@ -279,7 +279,7 @@ def _part_fault(table: Registry[Any], name: str) -> str:
     """Return what is wrong with what a usable row refers to; empty if nothing is."""
     row = table.get(name)
     try:
-        for part in ("factory", "load", "plan", "train", "write"):
+        for part in ("factory", "load", "plan", "train", "write", "read"):
             table.load(name, getattr(row, part, None))
     except PluginError as error:
         return str(error)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,9 +17,6 @@ from offboard.terminal.visible_text import one_line
 
 if TYPE_CHECKING:
     from koopman_lab.config.schema import LabConfig
-    from koopman_lab.data.formats.recorded_motion import RecordedMessage
-
-MCAP = ".mcap"
 
 
 @needs("ros2")
@@ -50,27 +47,14 @@ def import_(
     Example: klab log import drive.mcap --out runs/drive
     """
     from koopman_lab.data.formats.imported_session import write_session
-    from koopman_lab.data.formats.mcap_source import lab_topics, mcap_messages
+    from koopman_lab.data.formats.mcap_source import is_of_this_lab
     from koopman_lab.data.formats.recorded_motion import recorded_motion
-    from koopman_lab.data.formats.ros2_source import METADATA, bag_messages
+    from koopman_lab.data.formats.table import read_recording
 
-    messages: Iterable[RecordedMessage]
-    if recording.is_dir() and (recording / METADATA).exists():
-        messages = bag_messages(recording)
-    elif recording.is_dir():
-        raise LogError(
-            f"{recording}: holds no {METADATA}, so it is no bag of ROS 2; give the folder of a "
-            "bag, or an MCAP file"
-        )
-    elif recording.suffix != MCAP and recording.exists():
-        raise LogError(
-            f"{recording}: neither an MCAP file (its name ends in {MCAP}) nor the folder of a bag"
-        )
-    elif lab_topics(recording):
+    messages = read_recording(recording)
+    if is_of_this_lab(recording):
         _restore(recording, out)
         return
-    else:
-        messages = mcap_messages(recording)
     lab = options.resolve(config, overrides, robot)
     motion = recorded_motion(
         recording,

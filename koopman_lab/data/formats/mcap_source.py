@@ -29,24 +29,25 @@ from koopman_lab.files import open_file
 _NOT_FINITE_ALLOWED = ("double", "float")
 
 
-def lab_topics(path: Path) -> list[str]:
-    """Return the topics of a file that are channels of this lab, in this lab's own messages.
+def is_of_this_lab(path: Path) -> bool:
+    """Return whether a file is MCAP and holds channels of this lab in this lab's own messages.
 
     Raises
     ------
     LogError
-        If the file cannot be read as MCAP.
+        If an MCAP file cannot be read.
     """
-    topics = []
+    if path.is_dir():
+        return False
     with _reading(path) as reader:
         summary = reader.get_summary()
-        channels = {} if summary is None else summary.channels
-        schemas = {} if summary is None else summary.schemas
-        for channel in channels.values():
-            schema = schemas.get(channel.schema_id)
-            if schema is not None and _lab_channel(channel.topic, schema.name) is not None:
-                topics.append(channel.topic)
-    return sorted(topics)
+        if summary is None:
+            return False
+        return any(
+            channel.schema_id in summary.schemas
+            and _lab_channel(channel.topic, summary.schemas[channel.schema_id].name) is not None
+            for channel in summary.channels.values()
+        )
 
 
 def lab_events(path: Path, left_out: dict[str, int]) -> Iterator[Event]:

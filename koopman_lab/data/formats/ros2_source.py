@@ -17,9 +17,6 @@ from koopman_lab.data.formats.recorded_motion import (
 )
 from koopman_lab.errors import LogError
 
-METADATA = "metadata.yaml"
-"""What makes a folder a bag."""
-
 
 def bag_messages(folder: Path) -> Iterator[RecordedMessage]:
     """Give the messages of a bag that may hold poses or commands, the others undecoded.

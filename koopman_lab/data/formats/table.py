@@ -11,13 +11,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from koopman_lab.errors import LogError
 from koopman_lab.registry import Registry
 
 if TYPE_CHECKING:
     from koopman_lab.data.formats.decoded import Exported
+    from koopman_lab.data.formats.recorded_motion import RecordedMessage
     from koopman_lab.eventlog.eventlog import Event
 
 Write = Callable[["Iterable[Event]", Path], "Exported"]
+Read = Callable[[Path], "Iterable[RecordedMessage]"]
+BAG_METADATA = "metadata.yaml"
+"""What makes a folder a bag."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,13 @@ class LogFormat:
         be written, and :class:`~koopman_lab.errors.LogError` where no message can be decoded.
     extra
         What must be installed for it (``pyproject.toml``); empty for nothing.
+    recording
+        What recordings of others in it are, in words for a person.
+    recognises
+        Returns whether a path is one, by its name and what lies in it; None where none is read.
+    read
+        Gives the messages of a recording, those that may hold poses or commands decoded; a callable
+        or where it is. It raises :class:`~koopman_lab.errors.LogError` where that cannot be read.
     """
 
     name: str
@@ -45,6 +57,9 @@ class LogFormat:
     ending: str
     write: str | Write
     extra: str = ""
+    recording: str = ""
+    recognises: Callable[[Path], bool] | None = None
+    read: str | Read | None = None
 
 
 _HERE = "koopman_lab.data.formats"
@@ -64,6 +79,9 @@ FORMATS: Registry[LogFormat] = Registry(
                 ".mcap",
                 f"{_HERE}.mcap_file:write",
                 extra="mcap",
+                recording="a file that ends in .mcap",
+                recognises=lambda path: path.suffix == ".mcap" and not path.is_dir(),
+                read=f"{_HERE}.mcap_source:mcap_messages",
             ),
             LogFormat(
                 "ros2",
@@ -71,6 +89,9 @@ FORMATS: Registry[LogFormat] = Registry(
                 "-ros2",
                 f"{_HERE}.ros2_bag:write",
                 extra="ros2",
+                recording=f"the folder of a ROS 2 bag, with its {BAG_METADATA}",
+                recognises=lambda path: (path / BAG_METADATA).exists(),
+                read=f"{_HERE}.ros2_source:bag_messages",
             ),
             LogFormat(
                 "mat",
@@ -103,3 +124,22 @@ def writer_of(name: str) -> Write:
     """
     write: Write = FORMATS.load(name, FORMATS.get(name).write)
     return write
+
+
+def read_recording(path: Path) -> Iterable[RecordedMessage]:
+    """Return the messages of a recording of another program, in whichever format it is.
+
+    Raises
+    ------
+    LogError
+        If it is in none that can be read.
+    PluginError
+        If the format is another package's, and cannot be used.
+    """
+    readable = [row for row in FORMATS if row.recognises is not None]
+    for row in readable:
+        if row.recognises is not None and row.recognises(path):
+            read: Read = FORMATS.load(row.name, row.read)
+            return read(path)
+    kinds = "; or ".join(row.recording for row in readable)
+    raise LogError(f"{path}: no recording that can be read; give {kinds}")

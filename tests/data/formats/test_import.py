@@ -198,9 +198,9 @@ def test_what_is_no_recording_or_lacks_something_is_refused_in_words(tmp_path):
     (tmp_path / "other.txt").write_text("x")
     cases = {
         "no such file": (tmp_path / "absent.mcap",),
-        "so it is no bag of ROS 2": (tmp_path / "empty",),
+        "give a file that ends in .mcap; or the folder of a ROS 2 bag": (tmp_path / "empty",),
         "cannot be read as MCAP": (tmp_path / "text.mcap",),
-        "neither an MCAP file": (tmp_path / "other.txt",),
+        "no recording that can be read": (tmp_path / "other.txt",),
         "--poses /nowhere: not a topic with poses": (tmp_path / "bag", "--poses", "/nowhere"),
         "no topic with commands (geometry_msgs/msg/AccelStamped": (
             *(tmp_path / "bag", "--robot", "dynamic"),
