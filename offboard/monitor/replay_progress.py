@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from koopman_lab.bus.channel import Channel
@@ -39,10 +39,20 @@ class ReplayProgress:
                     stream.forget_numbers()
         return channel in (REPLAY_STATE, REPLAY_CONTROL)
 
-    def moment_us(self, now_us: int, heard_us: int) -> int:
-        """Return the moment to show (us): where the replay is paused, when it was heard last."""
+    def moment_us(self, now_us: int, heard_us: int | None, alive: Callable[[int], bool]) -> int:
+        """Return the moment to show: now, or where a replay is paused, when it was heard last.
+
+        Parameters
+        ----------
+        now_us, heard_us
+            Present time, and when a message of the robot's arrived last (us).
+        alive
+            Returns whether somebody spoke at a time (us) who is no log; nobody who does is paused.
+        """
         state = self._latest.young(now_us, YOUNG_S)
-        return now_us if state is None or state.playing else min(now_us, heard_us)
+        if state is None or state.playing or heard_us is None or alive(heard_us):
+            return now_us
+        return min(now_us, heard_us)
 
     def control(self, now_us: int) -> int | None:
         """Return the number of what it obeyed last, None where no replay can be steered."""

@@ -169,13 +169,9 @@ class RobotView:
         return self._tables_of(now_us).identity_lines
 
     def snapshot(self, now_us: int) -> dict[str, Any]:
-        """Return what the page shows now, the histories left out; see :attr:`rows`.
-
-        Where a replay is paused that is the moment at which it is.
-        """
+        """Return what the page shows now, the histories left out; see :attr:`rows`."""
         progress = self.replay_progress.snapshot(now_us)
-        if self._heard_us is not None and not self.alive(self._heard_us):
-            now_us = self.replay_progress.moment_us(now_us, self._heard_us)
+        now_us = self.replay_progress.moment_us(now_us, self._heard_us, self.alive)
         status, mpc, pose = self.status(now_us), self.mpc(now_us), self._pose.young(now_us, YOUNG_S)
         sampler = self._sampler.young(now_us, YOUNG_S)
         wheels = self._wheels.young(now_us, YOUNG_S)
