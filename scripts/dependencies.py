@@ -48,6 +48,7 @@ class Licence(NamedTuple):
 
 
 READ_BY_A_PERSON = {
+    "apsw": "zlib-acknowledgement OR MIT",  # or any that the OSI approves
     "cvxopt": "GPL-3.0-or-later",
     # What its metadata call GPL is a mode for Emacs, which is not in what is installed.
     "docutils": "public domain AND BSD-2-Clause AND BSD-3-Clause",

@@ -111,6 +111,12 @@ PROCESS = Channel(
     "PROCESS", lcmtypes.process_t, "event", "supervisor", logged=False, protection="always"
 )
 
+# Of a person's own `klab replay`, not of the robot; not logged, as no log replays its replay.
+REPLAY_STATE = Channel("REPLAY_STATE", lcmtypes.replay_state_t, "event", "operator", logged=False)
+REPLAY_CONTROL = Channel(
+    "REPLAY_CONTROL", lcmtypes.replay_control_t, "event", "operator", logged=False
+)
+
 
 class _Heartbeats(Mapping[str, Channel[lcmtypes.node_status_t]]):
     """Maps a node's name to its heartbeat channel, also of nodes that other packages add."""
@@ -169,6 +175,8 @@ CHANNELS: tuple[Channel[Any], ...] = (
     TIME_SYNC,
     SESSION_INFO,
     PROCESS,
+    REPLAY_STATE,
+    REPLAY_CONTROL,
     *HEARTBEATS.builtin(),
 )
 """The channels of our own; :func:`all_channels` has those of other packages as well."""

@@ -48,6 +48,7 @@ COMMANDS = {
     "config": "offboard.commands.config:app",
     "key": "offboard.commands.key:app",
     "relay": "offboard.commands.relay:relay",
+    "foxglove": "offboard.commands.foxglove:foxglove",
     "run": "offboard.cli.run:app",
     "log": "offboard.commands.log:app",
     "dataset": "offboard.commands.data.dataset_commands:app",

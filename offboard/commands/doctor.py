@@ -279,7 +279,7 @@ def _part_fault(table: Registry[Any], name: str) -> str:
     """Return what is wrong with what a usable row refers to; empty if nothing is."""
     row = table.get(name)
     try:
-        for part in ("factory", "load", "plan", "train"):
+        for part in ("factory", "load", "plan", "train", "write", "read"):
             table.load(name, getattr(row, part, None))
     except PluginError as error:
         return str(error)
@@ -299,11 +299,12 @@ def _plug_ins(lab: LabConfig) -> Iterator[Finding]:
     from koopman_lab.bus.hardware import CAMERAS, DRIVERS
     from koopman_lab.bus.processes import PROCESSES
     from koopman_lab.config.cost_table import COSTS
+    from koopman_lab.data.formats.table import FORMATS
     from koopman_lab.predictors.table import PREDICTORS
     from koopman_lab.robots.table import ROBOTS
 
-    tables: tuple[Registry[Any], ...] = (ROBOTS, COSTS, PREDICTORS, PROCESSES, DRIVERS, CAMERAS)
-    for table in tables:
+    parts: tuple[Registry[Any], ...] = (ROBOTS, COSTS, PREDICTORS, PROCESSES, DRIVERS, CAMERAS)
+    for table in (*parts, FORMATS):
         faults = table.faults()
         for name in sorted({*table.plugin_names(), *faults}):
             fault = faults.get(name) or _part_fault(table, name)

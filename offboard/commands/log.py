@@ -12,6 +12,7 @@ import typer
 
 from koopman_lab.errors import LogError
 from offboard.commands.log_export import export, plot
+from offboard.commands.log_import import import_
 from offboard.terminal import options
 from offboard.terminal.choices import Commands
 from offboard.terminal.output import err, out, show_unreadable
@@ -123,3 +124,4 @@ def _identity_lines(rows: Mapping[str, ChannelSummary]) -> list[str]:
 
 app.command()(plot)
 app.command()(export)
+app.command("import")(import_)

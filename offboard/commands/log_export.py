@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, ParamSpec
 
 import typer
 
+from koopman_lab.data.formats.table import FORMATS
 from koopman_lab.errors import DataError
 from offboard.terminal import options
+from offboard.terminal.choices import row_option
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, show_damage, show_passed_over
 from offboard.terminal.visible_text import one_line
 
+P = ParamSpec("P")
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log, or its run folder.")]
-
-
-class Format(str, Enum):
-    """Choices of ``--format``."""
-
-    csv = "csv"
-    mcap = "mcap"
 
 
 @needs("desk")
@@ -59,36 +55,55 @@ def plot(
     err.print(f"figure: {stem.with_suffix('.png')}")
 
 
-@needs("mcap", "--format mcap", lambda options: options["format_"] is Format.mcap)
+def _needs_what_the_format_does(command: Callable[P, None]) -> Callable[P, None]:
+    """Mark the command with the extra of each format that needs one."""
+    for name in reversed(FORMATS.builtin_names()):
+        row = FORMATS.builtin_row(name)
+        if row is not None and row.extra:
+
+            def chosen(arguments: Mapping[str, Any], name: str = name) -> bool:
+                return bool(arguments["format_"] == name)
+
+            command = needs(row.extra, f"--format {name}", chosen)(command)
+    return command
+
+
+@_needs_what_the_format_does
 def export(
     log: LogFile,
     file: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="PATH", help="Folder for CSV, file for MCAP; default: beside the log."
+            "--out", metavar="PATH", help="File or folder to write; default: beside the log."
         ),
     ] = None,
     format_: Annotated[
-        Format, typer.Option("--format", help="csv: a file a channel; mcap: one file.")
-    ] = Format.csv,
+        str,
+        row_option(
+            "--format",
+            FORMATS,
+            "csv, parquet: a file a channel; mcap: Foxglove, in 3D; ros2: a ROS 2 bag of poses, "
+            "twists, tf; mat: MATLAB.",
+        ),
+    ] = "csv",
     salvage: options.Salvage = False,
 ) -> None:
-    """Write a log for other programs: CSV for PlotJuggler, MCAP for Foxglove.
+    """Write a log for other programs: PlotJuggler, Foxglove, ROS 2, MATLAB, pandas.
 
     Example: klab log export runs/park --format mcap
     """
-    from koopman_lab.data.export import export_csv, export_mcap
+    from koopman_lab.data.formats.table import writer_of
     from koopman_lab.eventlog.eventlog import Damage
     from koopman_lab.eventlog.log_name import log_file
     from koopman_lab.replay.rotated_log import read_rotated_log
 
+    write = writer_of(format_)
     damage: list[Damage] = []
     events = read_rotated_log(log, salvage=salvage, damage=damage)
     path = log_file(log)
-    ending = "-csv" if format_ is Format.csv else ".mcap"
-    out = file if file is not None else path.with_name(f"{path.stem}{ending}")
+    out = file if file is not None else path.with_name(path.stem + FORMATS.get(format_).ending)
     try:
-        written = (export_csv if format_ is Format.csv else export_mcap)(events, out)
+        written = write(events, out)
     except OSError as error:
         raise DataError(
             f"{out}: cannot be written ({error.strerror}); choose another with --out"
@@ -96,6 +111,9 @@ def export(
     show_damage(log, damage)
     for name, count in written.left_out.items():
         err.print(f"{one_line(name)}: {count} messages left out, none that this version can decode")
+    if written.without_form:
+        names = ", ".join(map(one_line, written.without_form))
+        err.print(f"left out, as {format_} has no form for it: {names}")
     err.print(
         f"{sum(written.channels.values())} messages of {len(written.channels)} channels: {out}"
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from koopman_lab.bus.channel import OPERATOR, Channel
+from koopman_lab.bus.channels import REPLAY_STATE
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 from offboard.monitor.robot_view import RobotView
@@ -90,9 +91,10 @@ class LabView:
     def _view_of_newcomer(self, name: str, channel: Channel[Any], now_us: int) -> RobotView | None:
         """Return the view of a robot that speaks for the first time, None if it has no place.
 
-        What a person says to a robot is no robot: its name may be a slip.
+        What a person says to a robot is no robot: its name may be a slip. That of a replay is
+        one of its log.
         """
-        if channel.publisher == OPERATOR:
+        if channel.publisher == OPERATOR and channel is not REPLAY_STATE:
             return None
         if len(self.robots) == MOST_ROBOTS:
             silent = min(self.robots.values(), key=lambda robot: robot.replay_detection.spoken_us)

@@ -29,6 +29,7 @@ from offboard.monitor.latest_message import LatestMessage
 from offboard.monitor.plot_row import PlotRow, plot_row
 from offboard.monitor.process_states import ALIVE, FINISHED, SILENT, ProcessState, ProcessStates
 from offboard.monitor.replay_detection import REPLAY_MEMORY_S, ReplayDetection
+from offboard.monitor.replay_progress import ReplayProgress
 from offboard.monitor.streams import Stream, identity_lines
 
 ROW_S = 0.04
@@ -74,6 +75,7 @@ class RobotView:
         self._config_facts = config_facts(config)
         self.process_states = ProcessStates()
         self.replay_detection = ReplayDetection()
+        self.replay_progress = ReplayProgress()
         self.collected = CollectedSegments()
         self.rows: History[PlotRow] = History(MOST_ROWS)
         self._streams: dict[str, Stream] = {}
@@ -104,6 +106,8 @@ class RobotView:
     def take(self, stream: Stream, channel: Channel[Any], data: bytes, arrived_us: int) -> None:
         """Take a message of this robot, which its stream has taken before."""
         suffix = channel.suffix
+        if self.replay_progress.take(channel, data, arrived_us, self._streams.values()):
+            return
         self._streams[suffix] = stream
         self._append_row_if_due(arrived_us)
         self.replay_detection.judge(channel, stream.utime, arrived_us)
@@ -166,6 +170,8 @@ class RobotView:
 
     def snapshot(self, now_us: int) -> dict[str, Any]:
         """Return what the page shows now, the histories left out; see :attr:`rows`."""
+        progress = self.replay_progress.snapshot(now_us)
+        now_us = self.replay_progress.moment_us(now_us, self._heard_us, self.alive)
         status, mpc, pose = self.status(now_us), self.mpc(now_us), self._pose.young(now_us, YOUNG_S)
         sampler = self._sampler.young(now_us, YOUNG_S)
         wheels = self._wheels.young(now_us, YOUNG_S)
@@ -181,7 +187,8 @@ class RobotView:
             "banners": headline.banners(tables.entries, tables.stale, lost_view=lost_view)
             + tables.identity_lines
             + trouble,
-            "replay": replayed or over,
+            "replay": replayed or over or (progress is not None and not self.alive(now_us)),
+            "replay_progress": progress,
             "steerable": not replayed and self.alive(now_us),
             "pose": None if pose is None else numbers(pose.x1_m, pose.x2_m, pose.theta_rad),
             # Since the camera saw it; a log's only since it was said again.
@@ -249,6 +256,8 @@ class RobotView:
         mpc: lcmtypes.mpc_state_t | None,
         sampler: lcmtypes.sampler_state_t | None,
     ) -> str:
+        if self._heard_us is None and self.replay_progress.snapshot(now_us) is not None:
+            return "replay: nothing was sent yet"
         silent_us = now_us - (self._heard_us or 0)
         if self.replay_detection.replay_over(now_us):
             return f"replay: over for {silent_us / US_PER_S:.0f} s"

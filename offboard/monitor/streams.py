@@ -134,6 +134,11 @@ class Stream:
         self._size, self.heard_us = len(data), arrived_us
         return True
 
+    def forget_numbers(self) -> None:
+        """Take the next message for the first, whatever its number: a log goes on elsewhere."""
+        if self._publishers is not None:
+            self._publishers = Publishers()
+
     def nominal_hz(self, config: LabConfig) -> float | None:
         """Return the rate that the configuration says, None where it says none."""
         return None if self.channel is None else self.channel.rate_hz(config)

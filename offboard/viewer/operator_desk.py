@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from koopman_lab.bus.channels import REPLAY_CONTROL
 from koopman_lab.bus.lab_key import key_text
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.bus.realtime_port import RealtimePort
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
+from koopman_lab.replay.bus_steering import Control, control_message
 from koopman_lab.units import US_PER_S
 from offboard.desk.goal_message import goal_order
 from offboard.desk.orders import WAIT_S, Order, stop_order
 from offboard.monitor.lab_view import LabView
 from offboard.monitor.robot_view import RobotView
-from offboard.viewer.request import ARM, GOAL, RELEASE, STOP, Request
+from offboard.viewer.request import ARM, GOAL, RELEASE, REPLAY, STOP, Request
 
 ARMED_S = 10.0
 """So long after its first step the second step of a release is taken."""
@@ -98,6 +100,9 @@ class OperatorDesk:
         LabStateError
             If it is refused.
         """
+        if request.control is not None:
+            self._steer_replay(request.robot, request.control, reply)
+            return
         robot = self._robot(request.robot, stopping=request.do == STOP)
         now_us, armed = self.now_us(), (page, robot.name)
         age_s = 0.0 if request.seen_us is None else (now_us - request.seen_us) / US_PER_S
@@ -145,6 +150,26 @@ class OperatorDesk:
         """Forget a page that is gone."""
         for key in [key for key in self._armed_us if key[0] is page]:
             del self._armed_us[key]
+
+    def _steer_replay(self, name: str, control: Control, reply: Reply) -> None:
+        """Ask the replay of a robot's log for something; what was asked for before is dropped."""
+        robot, number = self.view.robots.get(name), self.now_us()
+        if robot is None or robot.replay_progress.control(number) is None:
+            raise LabStateError(
+                f"{name[:32]}: no replay can be steered; `klab replay LOG --url URL` sends one on "
+                "the bus of this page"
+            )
+
+        def obeyed() -> bool:
+            return (robot.replay_progress.control(self.now_us()) or 0) >= number
+
+        def answer(good: bool, said: str) -> None:
+            del said
+            if not good:
+                reply(False, f"{name}: the replay does not answer")
+
+        order = Order(REPLAY_CONTROL, lambda utime: control_message(control, number, utime), obeyed)
+        self._begin(name, REPLAY, order, answer, REPLAY)
 
     def _begin(
         self, name: str, action: str, order: Order[Any], reply: Reply, order_text: str

@@ -8,10 +8,18 @@ from typing import Any, NamedTuple
 
 from koopman_lab.errors import LabStateError
 from koopman_lab.geometry.planar import Pose, wrap_angle
+from koopman_lab.replay.bus_steering import Control
+from lcmtypes import replay_control_t
 
 LARGEST_BYTES = 1024
 """A request takes less than 200."""
-STOP, ARM, RELEASE, GOAL = "stop", "arm", "release", "goal"
+STOP, ARM, RELEASE, GOAL, REPLAY = "stop", "arm", "release", "goal", "replay"
+REPLAY_ACTIONS = {
+    "pause": replay_control_t.PAUSE,
+    "play": replay_control_t.PLAY,
+    "seek": replay_control_t.SEEK,
+    "speed": replay_control_t.SPEED,
+}
 LARGEST_ANGLE_RAD = 1e6
 
 
@@ -32,12 +40,15 @@ class Request(NamedTuple):
         Set for GOAL only.
     seen_us
         Time of the newest snapshot that the page had got (us); None if it does not say.
+    control
+        Set for REPLAY only.
     """
 
     do: str
     robot: str
     goal: Pose | None = None
     seen_us: int | None = None
+    control: Control | None = None
 
 
 def parse_request(text: str) -> Request:
@@ -57,13 +68,19 @@ def parse_request(text: str) -> Request:
     if not isinstance(fields, dict):
         raise RequestError("request: not a JSON object")
     do, robot = fields.get("do"), fields.get("robot")
-    if do not in (STOP, ARM, RELEASE, GOAL):
-        raise RequestError(f"request: do must be one of {STOP}, {ARM}, {RELEASE}, {GOAL}")
+    if do not in (STOP, ARM, RELEASE, GOAL, REPLAY):
+        raise RequestError(f"request: do must be one of {STOP}, {ARM}, {RELEASE}, {GOAL}, {REPLAY}")
     if not isinstance(robot, str):
         raise RequestError("request: robot must be a name")
     seen_us = fields.get("seen_us")
     if seen_us is not None and (type(seen_us) is not int or not 0 <= seen_us < 2**63):
         raise RequestError("request: seen_us must be the time of a snapshot")
+    if do == REPLAY:
+        action = fields.get("action")
+        if not isinstance(action, str) or action not in REPLAY_ACTIONS:
+            raise RequestError(f"request: action must be one of {', '.join(REPLAY_ACTIONS)}")
+        value = _finite_number(fields.get("value", 0.0), "value")
+        return Request(do, robot, None, seen_us, Control(REPLAY_ACTIONS[action], value))
     if do != GOAL:
         return Request(do, robot, None, seen_us)
     x1, x2, theta = (_finite_number(fields.get(key), key) for key in ("x1_m", "x2_m", "theta_rad"))

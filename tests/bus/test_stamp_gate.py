@@ -28,6 +28,7 @@ ONLY_AGE = {
 """Channels with stamps that are judged where they are used."""
 NEVER_READ = {
     *("SAMPLER_STATE", "REFERENCE_STATE", "MPC_STATE", "INTERLOCK", "SESSION_INFO", "PROCESS"),
+    *("REPLAY_STATE", "REPLAY_CONTROL"),
     *(channel.suffix for channel in HEARTBEATS.builtin()),
 }
 """Channels whose stamps only tell copies and replays from what is new."""

@@ -1,15 +1,27 @@
 """A log sent again: everybody sees it as live, and no robot moves."""
 
 import math
+import os
+import pty
 import signal
 import subprocess
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from klab import KLAB, SHORT_RUNS, klab, klab_ok
-from real_bus import Ear, other, recorded, tool
+from klab import KLAB, SHORT_RUNS, controlled_by, klab, klab_ok
+from real_bus import Ear, config, other, recorded, tool
 
-from koopman_lab.bus.channels import ONBOARD_STATUS, PLANT_TRUTH
+from koopman_lab.bus.channels import (
+    MOCAP_POSE,
+    ONBOARD_STATUS,
+    PLANT_TRUTH,
+    REPLAY_CONTROL,
+    REPLAY_STATE,
+)
+from koopman_lab.bus.realtime import Listener
+from koopman_lab.eventlog.eventlog import read_events
+from koopman_lab.replay.bus_steering import Control, control_message
 
 REFERENCE = Path(__file__).parents[1] / "data" / "reference" / "calibration.lcm"
 
@@ -129,3 +141,120 @@ def test_interrupting_a_replay_is_clean(session, bus_url):
     assert process.returncode == 130
     assert "interrupted after" in rest
     assert "Traceback" not in rest
+
+
+def replayed(log, url, *options):
+    """Run a replay to its end; return what it said, and the channels with their messages."""
+    heard = {}
+    listener = Listener(config(url))
+    listener.overhear(lambda name, data, _: heard.setdefault(name, []).append(data))
+    done = klab("replay", log, "--url", url, *options)
+    while listener.spin(0.0):
+        pass
+    return done, {name: list(all_of) for name, all_of in heard.items()}
+
+
+def test_a_stretch_of_some_channels_is_sent_and_nothing_else(session, bus_url):
+    events = list(read_events(session / "session.lcm"))
+    first = events[0].timestamp_us
+    only = {"R1_SAMPLER_STATE", "R1_WHEEL_STATE"}
+    done, heard = replayed(
+        session,
+        other(bus_url),
+        *("--start", "2", "--end", "5.5", "--speed", "20"),
+        *("--only", "R1_SAMPLER_STATE", "--only", "R1_WHEEL_*"),
+    )
+    assert done.returncode == 0, done.stderr
+    assert heard.keys() - {"R1_REPLAY_STATE", "LCM_SELF_TEST"} == only
+    for name in only:
+        inside = [
+            event.data
+            for event in events
+            if event.channel == name and 2_000_000 <= event.timestamp_us - first <= 5_500_000
+        ]
+        assert heard[name] == inside
+        assert len(inside) > 50
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--start", "-1"), "--start -1: "),
+        (("--start", "1e9"), "--start 1e+09: "),
+        (("--start", "nan"), "--start nan: "),
+        (("--start", "2", "--end", "2"), "--end 2: must be above --start 2"),
+        (("--end", "nan"), "--end nan: "),
+        (("--only", "R1_POSE"), "no channel is --only R1_POSE; there are: R1_"),
+    ],
+)
+def test_a_stretch_or_channel_that_is_not_there_is_refused(session, options, words):
+    done = klab("replay", session, *options)
+    assert done.returncode == 2
+    assert words in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+
+
+@contextmanager
+def steered(log, url, *options):
+    """Give a replay at a terminal of its own, and an ear that hears where it is."""
+    ours, theirs = pty.openpty()
+    ear, states = Ear(url), []
+    ear.listener.subscribe(REPLAY_STATE, states.append)
+    process = subprocess.Popen(
+        [*KLAB, "replay", str(log), "--url", url, *options],
+        stdin=theirs,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        preexec_fn=controlled_by(theirs),
+    )
+    try:
+        ear.wait(lambda: states)
+        yield ear, states, lambda keys: os.write(ours, keys)
+    finally:
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=30)
+        os.close(ours)
+        os.close(theirs)
+    assert process.returncode == 130
+    assert b"Traceback" not in said
+
+
+def test_keys_pause_it_and_go_on_elsewhere_and_faster(session, bus_url):
+    with steered(session, other(bus_url), "--paused", "--loop") as (ear, states, press):
+        poses = []
+        ear.listener.subscribe(MOCAP_POSE, poses.append)
+        assert not states[-1].playing
+        assert states[-1].position_s == 0.0
+        assert states[-1].loop
+        # Paused, it shows what was said last where it is.
+        press(b"\x1b[C")
+        ear.wait(lambda: states[-1].position_s == 5.0 and poses)
+        assert len(poses) == 1
+        press(b" ")
+        ear.wait(lambda: states[-1].playing and len(poses) > 100)
+        press(b"\x1b[A\x1b[A")
+        ear.wait(lambda: states[-1].speed == 4.0)
+        press(b"\x1b[D\x1b[D\x1b[D ")
+        ear.wait(lambda: not states[-1].playing and states[-1].seeks == 4)
+        assert states[-1].position_s < 5.0
+
+
+def test_messages_on_its_bus_steer_it_once_each(session, bus_url):
+    with steered(session, other(bus_url), "--paused") as (ear, states, _):
+        kind = REPLAY_CONTROL.type
+
+        def ask(action, value, number):
+            message = control_message(Control(action, value), number, ear.listener.now_us())
+            ear.listener.publish(REPLAY_CONTROL, message)
+
+        ask(kind.SEEK, 3.5, 7)
+        ear.wait(lambda: states[-1].position_s == 3.5)
+        ask(kind.SPEED, 0.5, 8)
+        ask(kind.SEEK, 1.0, 7)  # said once more, or late
+        ask(kind.SEEK, math.nan, 9)
+        ask(99, 1.0, 10)
+        ear.wait(lambda: states[-1].control == 10)
+        assert (states[-1].position_s, states[-1].speed) == (3.5, 0.5)
+        assert states[-1].seeks == 1
+        ask(kind.PLAY, 0.0, 11)
+        ear.wait(lambda: states[-1].playing and states[-1].position_s > 3.6)

@@ -44,6 +44,9 @@ COMMANDS = {
     "figure of samples": (1000, ("figure", "samples", LOG, *ONE, "--out", "{out}/samples")),
     "logs as CSV": (1000, ("log", "export", PARK, "--out", "{out}/csv")),
     "logs as MCAP": (1000, ("log", "export", PARK, "--format", "mcap", "--out", "{out}/x.mcap")),
+    "logs as a bag": (1000, ("log", "export", PARK, "--format", "ros2", "--out", "{out}/bag")),
+    "logs for MATLAB": (1000, ("log", "export", PARK, "--format", "mat", "--out", "{out}/x.mat")),
+    "logs as Parquet": (1000, ("log", "export", PARK, "--format", "parquet", "--out", "{out}/p")),
 }  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from klab import klab
 
 import lcmtypes
-from koopman_lab.data.export import export_csv, export_mcap
+from koopman_lab.data.formats.table import writer_of
 from koopman_lab.eventlog.eventlog import read_events
 from koopman_lab.eventlog.logwriter import EventLogWriter
 from koopman_lab.files import LONGEST_NAME, file_name
@@ -60,7 +60,7 @@ def test_export_leaves_nothing_outside_its_folder(log, tmp_path):
         folder.relative_to(tmp_path),
         log.parent.relative_to(tmp_path),
     }
-    written = export_csv(read_events(log), tmp_path / "again")
+    written = writer_of("csv")(read_events(log), tmp_path / "again")
     assert len(list(folder.iterdir())) == len(written.channels) == len(ROBOTS)
     assert len({file.name.lower() for file in folder.iterdir()}) == len(ROBOTS)
 
@@ -68,7 +68,7 @@ def test_export_leaves_nothing_outside_its_folder(log, tmp_path):
 def test_one_file_of_all_channels_keeps_their_names(log, tmp_path):
     from mcap.reader import make_reader
 
-    export_mcap(read_events(log), tmp_path / "odd.mcap")
+    writer_of("mcap")(read_events(log), tmp_path / "odd.mcap")
     with (tmp_path / "odd.mcap").open("rb") as stream:
         topics = {channel.topic for _, channel, _ in make_reader(stream).iter_messages()}
     assert topics == {f"{robot}_MOCAP_POSE" for robot in ROBOTS}

@@ -26,6 +26,7 @@ ROWS = {
     "koopman_lab.cameras": {"acme": "stranger:ACME_CAMERAS"},
     "koopman_lab.costs": {"fourth": "stranger_models:FOURTH"},
     "koopman_lab.predictors": {"gains": "stranger_models:GAINS"},
+    "koopman_lab.log_formats": {"counts": "stranger:COUNTS"},
 }
 
 
@@ -158,6 +159,16 @@ def test_a_stranger_learns_a_model_and_parks_with_it_and_a_cost_of_its_own(tmp_p
 
 
 @pytest.mark.usefixtures("stranger")
+def test_a_log_is_written_in_a_format_of_a_stranger(tmp_path):
+    out = tmp_path / "park.counts"
+    done = run("log", "export", REFERENCE / "park.lcm", "--format", "counts", "--out", out)
+    assert done.returncode == 0, done.stderr
+    counts = json.loads(out.read_text())
+    expected = recorded(REFERENCE / "park.lcm")
+    assert counts == {name: len(messages) for name, messages in expected.items()}
+
+
+@pytest.mark.usefixtures("stranger")
 @pytest.mark.parametrize(
     ("command", "shown"),
     [
@@ -170,6 +181,7 @@ def test_a_stranger_learns_a_model_and_parks_with_it_and_a_cost_of_its_own(tmp_p
         (("park", "--help"), "--cost <me|ce|ds|fourth>"),
         (("study", "weights", "--help"), "--cost <me|ce|ds|fourth>"),
         (("compare", "--help"), "--controller <me|ce|ds|fourth|nominal>"),
+        (("log", "export", "--help"), "--format <csv|mcap|ros2|mat|parquet|counts>"),
     ],
 )
 def test_what_is_added_is_shown(command, shown):
@@ -203,6 +215,7 @@ BROKEN_ROWS = {
     "koopman_lab.robots": {"omni": "no_such_module:ROW", "kinematic": "no_such_module:ROW"},
     "koopman_lab.costs": {"huber": "no_such_module:ROW", "ds": "stranger_models:FOURTH"},
     "koopman_lab.predictors": {"resnet": "no_such_module:ROW"},
+    "koopman_lab.log_formats": {"tape": "no_such_module:ROW"},
 }
 OF = "of the package klab-stranger"
 PARK = ("park", "--model", MODEL, "--lockstep", "--cost")
@@ -239,6 +252,7 @@ def broken(tmp_path_factory):
         ((*PARK, "huber"), (f"cost 'huber' {OF}", NO_MODULE)),
         ((*PARK, "ds"), ("cost 'ds' is in koopman-lab and in klab-stranger",)),
         (("train", "absent", "--predictor", "resnet"), (f"predictor 'resnet' {OF}", NO_MODULE)),
+        (("log", "export", "absent", "--format", "tape"), (f"log format 'tape' {OF}", NO_MODULE)),
     ],
     ids=lambda value: " ".join(map(str, value[:2])) if isinstance(value, tuple) else None,
 )
@@ -279,7 +293,7 @@ def test_the_doctor_names_everything_that_is_broken(broken, monkeypatch):
     assert done.returncode == 2
     lines = [line for line in done.stdout.splitlines() if line.startswith("plug-in: BROKEN")]
     nodes = ("absent", "later", "pacer", "twice", "old")
-    for name in (*nodes, "motors", "eyes", "omni", "kinematic", "huber", "ds", "resnet"):
+    for name in (*nodes, "motors", "eyes", "omni", "kinematic", "huber", "ds", "resnet", "tape"):
         assert any(f"'{name}' " in line for line in lines), name
     lines = done.stdout.splitlines()
     assert "plug-in: ok (node 'lonely' of the package klab-stranger)" in lines

@@ -52,7 +52,7 @@ def of_group(names, kind):
 def test_the_licences_of_the_base_and_the_desk_are_known_and_leave_our_own_alone():
     assert of_group(tree(), Copyleft.WEAK) == WEAK_IN_BASE
     assert of_group(tree("desk"), Copyleft.WEAK) == WEAK_IN_BASE | WEAK_OF_DESK
-    for extra in ("", "desk", "mcap", "cluster", "rl"):
+    for extra in ("", "desk", "mcap", "foxglove", "ros2", "parquet", "cluster", "rl"):
         assert not of_group(tree(extra), Copyleft.STRONG)
 
 

@@ -1,12 +1,15 @@
 """Runs the ``klab`` command as a person does, in processes of its own."""
 
 import contextlib
+import fcntl
 import io
 import json
 import os
 import signal
 import subprocess
 import sys
+import termios
+from collections.abc import Callable
 from pathlib import Path
 
 KLAB = [sys.executable, "-m", "offboard.cli.main"]
@@ -109,3 +112,13 @@ def alive(pid: int) -> bool:
 def environment(**changes: str) -> dict[str, str]:
     """Return this process's environment with changes."""
     return os.environ | changes
+
+
+def controlled_by(terminal: int) -> Callable[[], None]:
+    """Return what a new session does before its program: take this terminal, heed Ctrl-C."""
+
+    def take() -> None:
+        fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    return take

@@ -1,5 +1,6 @@
 """Rows of a stranger's package, one a table; a test writes this file into a package of its own."""
 
+import json
 import sys
 
 import lcmtypes
@@ -7,11 +8,25 @@ from koopman_lab.bus.channel import Channel
 from koopman_lab.bus.channels import ENCODER, MOCAP_POSE, MOTOR_CMD
 from koopman_lab.bus.hardware import Hardware
 from koopman_lab.bus.processes import Process
+from koopman_lab.data.formats.decoded import Exported, decoded
+from koopman_lab.data.formats.table import LogFormat
 
 BEACON_STATE = Channel("BEACON_STATE", lcmtypes.logger_status_t, 5.0, "beacon")
 BEACON = Process("beacon", "stranger:Beacon", needs=("onboard",), channels=(BEACON_STATE,))
 ACME_MOTORS = Hardware("acme", "stranger:Motors", "driver", needs="a board on a serial port")
 ACME_CAMERAS = Hardware("acme", "stranger:Cameras", "mocap", needs="cameras")
+
+
+def write_counts(events, path):
+    """Write how many messages each channel has."""
+    written = Exported.nothing()
+    for entry in decoded(events, written):
+        written.keep(entry.event.channel)
+    path.write_text(json.dumps(written.channels))
+    return written
+
+
+COUNTS = LogFormat("counts", "numbers of messages", ".counts", write_counts)
 
 
 class Beacon:

@@ -29,7 +29,8 @@ def without(monkeypatch):
 
 def test_the_desk_is_what_the_metadata_says_and_other_extras_build_on_it():
     assert set(packages("desk")) == DESK
-    for extra in ("mcap", "cluster", "edmd", "bench", "rl", "test", "dev"):
+    optional = ("mcap", "ros2", "parquet", "foxglove", "cluster", "edmd", "bench", "rl")
+    for extra in (*optional, "test", "dev"):
         assert set(packages(extra)) > DESK, extra
 
 

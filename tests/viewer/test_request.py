@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from lcmtypes import replay_control_t
 from offboard.viewer.guard import Guard
 from offboard.viewer.request import RequestError, parse_request
 
@@ -18,9 +19,21 @@ def test_a_goal_is_read_with_its_angle_wrapped():
     assert parse_request(GOOD.replace("7.0", '7.0, "seen_us": 17')).seen_us == 17
 
 
+SEEK = '{"do": "replay", "robot": "R1", "action": "seek", "value": 2.5}'
+
+
+def test_what_a_replay_is_asked_for_is_read():
+    assert parse_request(SEEK).control == (replay_control_t.SEEK, 2.5)
+    pause = parse_request('{"do": "replay", "robot": "R1", "action": "pause"}')
+    assert pause.control == (replay_control_t.PAUSE, 0.0)
+
+
 @pytest.mark.parametrize(
     "text",
     [
+        *(SEEK.replace("2.5", bad) for bad in ("NaN", "1e999", "null", '"1"', "[1]", "true")),
+        *(SEEK.replace('"seek"', bad) for bad in ('"stop"', "null", "1", '["seek"]', "{}")),
+        '{"do": "replay", "robot": "R1"}',
         *(
             "",
             "x",

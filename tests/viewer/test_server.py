@@ -14,7 +14,15 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 import lcmtypes
-from koopman_lab.bus.channels import ESTOP, GOAL, MOCAP_POSE, MPC_STATE, ONBOARD_STATUS
+from koopman_lab.bus.channels import (
+    ESTOP,
+    GOAL,
+    MOCAP_POSE,
+    MPC_STATE,
+    ONBOARD_STATUS,
+    REPLAY_CONTROL,
+    REPLAY_STATE,
+)
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
 
@@ -234,6 +242,41 @@ def test_a_replay_cannot_be_steered(served):
             answer = bench.ask(socket, do=do, x1_m=0.0, x2_m=0.0, theta_rad=0.0)
             assert "replay" in answer["said"]
     assert not bench.stops
+
+
+def test_a_replay_is_steered_from_the_page(served):
+    """What is asked for goes out until the replay says that it was obeyed."""
+    bench, asked = Bench(*served, name="R4"), []
+    bench.late_us, state = 3600_000_000, REPLAY_STATE.type()
+    bench.bus.subscribe(REPLAY_CONTROL, asked.append)
+    with bench.page() as socket:
+        bench.until(socket, lambda robot: robot["replay"])
+        answer = bench.ask(socket, do="replay", action="pause")
+        assert "no replay can be steered" in answer["said"]
+
+        def until(condition):
+            for _ in range(MOST_TRIES):
+                state.utime, state.end_s = bench.bus.now_us(), 30.0
+                bench.bus.publish(REPLAY_STATE, state)
+                bench.speak()
+                robot = bench.snapshot(socket)["robots"]["R4"]
+                if condition(robot):
+                    return robot["replay_progress"]
+            return pytest.fail("never happened")
+
+        assert until(lambda robot: robot["replay_progress"])["end_s"] == 30.0
+        request = {"do": "replay", "robot": "R4", "action": "seek", "value": 12.5}
+        socket.send(json.dumps(request))
+        until(lambda _: len(asked) > 2)  # again, as nobody obeys
+        assert {(c.action, c.value, c.number) for c in asked} == {
+            (asked[0].SEEK, 12.5, asked[0].number)
+        }
+        state.control, state.position_s = asked[0].number, 12.5
+        until(lambda robot: robot["replay_progress"]["position_s"] == 12.5)
+        count = len(asked)
+        until(lambda _: True)
+        until(lambda _: True)
+        assert len(asked) <= count + 1
 
 
 def test_a_robot_that_looks_like_a_replay_hears_the_stop_all_the_same(served):

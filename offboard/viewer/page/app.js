@@ -2,6 +2,7 @@
 import { Floor } from "./floor.js";
 import { Orders } from "./orders.js";
 import { Plots } from "./plots.js";
+import { ReplayBar } from "./replay.js";
 import { channels, processes } from "./tables.js";
 
 const get = (id) => document.getElementById(id);
@@ -16,6 +17,7 @@ const kept = new Map(); // by robot: rows of the plots, segments, and the number
 const floor = new Floor(get("floor"), (x1, x2, theta) => orders.goal(x1, x2, theta ?? robots[selected]?.goal?.[2] ?? 0));
 const plots = new Plots(get("plots"));
 const orders = new Orders(() => ({ socket, robots, selected, seenUs: snapshotUs }), floor);
+const replayBar = new ReplayBar((request) => orders.send({ do: "replay", robot: selected, ...request }));
 
 get("closer").addEventListener("change", () => { plots.closer = get("closer").checked; slowAt = 0; });
 
@@ -149,7 +151,7 @@ function nobody() {
   plots.clear();
   get("facts").replaceChildren();
   get("floor").setAttribute("aria-label", "Floor seen from above: no robot is heard");
-  for (const shown of ["replay", "progress"]) get(shown).hidden = true;
+  for (const shown of ["replay", "replay-bar", "progress"]) get(shown).hidden = true;
   for (const control of [...get("goal").elements, get("arm")]) control.disabled = true;
   document.body.dataset.stopped = false;
 }
@@ -185,6 +187,7 @@ function floorAgain() {
   speak(`${selected}: ${robot.line}`);
   facts(robot);
   get("replay").hidden = !robot.replay;
+  replayBar.show(robot.replay_progress);
   for (const control of [...get("goal").elements, get("arm")]) control.disabled = !robot.steerable;
   document.body.dataset.stopped = robot.stopped;
   const pose = robot.pose;
