@@ -27,26 +27,32 @@ def test_a_person_plays_pauses_scrubs_and_hurries_a_log():
             page.set_default_timeout(PATIENCE_MS)
             visit(page, address)
             play, bar, time = (page.locator(f"#replay-{what}") for what in ("play", "at", "time"))
-            expect(page.locator("#line")).to_have_text("R1: replay: nothing was sent yet")
-            expect(play).to_have_text("Play")
+            expect(page.locator("#line")).to_have_text(
+                "R1: replay: nothing was sent yet", timeout=PATIENCE_MS
+            )
+            expect(play).to_have_text("Play", timeout=PATIENCE_MS)
             play.press("Enter")
-            expect(play).to_have_text("Pause")
-            expect(page.locator("#replay")).to_be_visible()
+            expect(play).to_have_text("Pause", timeout=PATIENCE_MS)
+            expect(page.locator("#replay")).to_be_visible(timeout=PATIENCE_MS)
             play.press("Enter")
-            expect(play).to_have_text("Play")
+            expect(play).to_have_text("Play", timeout=PATIENCE_MS)
             # The arrow keys of a slider, a tenth of a second each; a mouse does the same.
             bar.fill("4")
-            expect(time).to_have_text(re.compile(r"^4\.0 of "))
-            expect(bar).to_have_attribute("aria-valuetext", re.compile(r"^4\.0 of "))
+            expect(time).to_have_text(re.compile(r"^4\.0 of "), timeout=PATIENCE_MS)
+            expect(bar).to_have_attribute(
+                "aria-valuetext", re.compile(r"^4\.0 of "), timeout=PATIENCE_MS
+            )
             # Paused, the page shows that moment: the goal and where the robot was.
-            expect(page.locator("#facts")).to_contain_text("goal0.100 m, 0.000 m, 20.0")
-            expect(page.locator("#line")).to_contain_text("R1: replay: ")
+            expect(page.locator("#facts")).to_contain_text(
+                "goal0.100 m, 0.000 m, 20.0", timeout=PATIENCE_MS
+            )
+            expect(page.locator("#line")).to_contain_text("R1: replay: ", timeout=PATIENCE_MS)
             bar.press("ArrowRight")
-            expect(time).to_have_text(re.compile(r"^4\.1 of "))
+            expect(time).to_have_text(re.compile(r"^4\.1 of "), timeout=PATIENCE_MS)
             page.locator("#replay-speed").select_option("4")
             play.press("Enter")
-            expect(play).to_have_text("Pause")
-            expect(time).not_to_have_text(re.compile(r"^4\.1 of "))
+            expect(play).to_have_text("Pause", timeout=PATIENCE_MS)
+            expect(time).not_to_have_text(re.compile(r"^4\.1 of "), timeout=PATIENCE_MS)
     finally:
         replay.send_signal(signal.SIGINT)
         replay.wait(timeout=60)
