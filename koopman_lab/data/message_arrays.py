@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from koopman_lab.bus.header import smallest_size
 from koopman_lab.eventlog.message_blocks import Messages
 
 StructuredArray = NDArray[np.void]
@@ -105,12 +106,15 @@ def decode_all(message_type: Any, messages: Messages) -> tuple[StructuredArray, 
 
 def decode_each(message_type: Any, messages: Iterable[bytes]) -> tuple[list[Any], NDArray[np.intp]]:
     """Decode messages of any type with the generated code; returns as :func:`decode_all`."""
-    decoded = [_decode_one(message_type, data) for data in messages]
+    smallest = smallest_size(message_type)
+    decoded = [_decode_one(message_type, data, smallest) for data in messages]
     good = [message for message in decoded if message is not None]
     return good, np.flatnonzero([message is None for message in decoded])
 
 
-def _decode_one(message_type: Any, data: bytes) -> Any | None:
+def _decode_one(message_type: Any, data: bytes, smallest: int) -> Any | None:
+    if len(data) < smallest:  # a string without its end is none, though lcm-gen's code reads it
+        return None
     try:
         return message_type.decode(data)
     except (ValueError, struct.error):  # the wrong fingerprint, or too few bytes

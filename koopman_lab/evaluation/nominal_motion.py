@@ -107,7 +107,7 @@ class NominalMotion:
             "rates": self.rates,
             "unexplained": self.unexplained,
             "step_m": self.step_m,
-            "inputs": {name: vars(motion) for name, motion in self.inputs.items()},
+            "inputs": {name: _shares(motion) for name, motion in self.inputs.items()},
         }
 
 
@@ -269,6 +269,10 @@ def _mean_error(rest: NDArray[Any]) -> float:
 
 def _rms(values: NDArray[Any]) -> float:
     return float(np.sqrt(np.mean(np.abs(values) ** 2)))
+
+
+def _shares(motion: InputMotion) -> dict[str, Any]:
+    return {name: value for name, value in vars(motion).items() if name != "errors"}
 
 
 def _polar(fit: DisplacementFit) -> dict[str, Any]:

@@ -131,8 +131,9 @@ class RobotView:
             self.process_states.take_heartbeat(self._beats[suffix], data, arrived_us)
 
     def replayed(self, now_us: int) -> bool:
-        """Return whether what is heard is a log, sent again."""
-        return self.replay_detection.replayed(now_us)
+        """Return whether what is heard is a log, sent again: by its times, or as it says itself."""
+        says_so = self.replay_progress.snapshot(now_us) is not None
+        return self.replay_detection.replayed(now_us) or (says_so and not self.alive(now_us))
 
     def alive(self, now_us: int) -> bool:
         """Return whether somebody speaks for the robot who is no log."""
@@ -187,7 +188,7 @@ class RobotView:
             "banners": headline.banners(tables.entries, tables.stale, lost_view=lost_view)
             + tables.identity_lines
             + trouble,
-            "replay": replayed or over or (progress is not None and not self.alive(now_us)),
+            "replay": replayed or over,
             "replay_progress": progress,
             "steerable": not replayed and self.alive(now_us),
             "pose": None if pose is None else numbers(pose.x1_m, pose.x2_m, pose.theta_rad),
