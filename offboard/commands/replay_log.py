@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -107,6 +108,8 @@ def replay(
             reached_s = round(now_s, 1)
             report(reached_s, total_s, steering.note())
 
+        # Also where a shell that started it in the background had it ignored.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         try:
             done = sending.run(show, steering.wait)
         except KeyboardInterrupt:

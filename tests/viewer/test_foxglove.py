@@ -19,7 +19,7 @@ from koopman_lab.bus.channels import ESTOP, MOCAP_POSE
 from koopman_lab.bus.realtime import Listener
 
 LIMIT_S = 20.0
-MOST_TRIES = 500
+MOST_TRIES = 3000
 MESSAGE_DATA = 1
 """Opcode of a binary frame: number of the subscription, time (ns), message."""
 
