@@ -114,7 +114,12 @@ PROCESS = Channel(
 # Of a person's own `klab replay`, not of the robot; not logged, as no log replays its replay.
 REPLAY_STATE = Channel("REPLAY_STATE", lcmtypes.replay_state_t, "event", "operator", logged=False)
 REPLAY_CONTROL = Channel(
-    "REPLAY_CONTROL", lcmtypes.replay_control_t, "event", "operator", logged=False
+    "REPLAY_CONTROL",
+    lcmtypes.replay_control_t,
+    "event",
+    "operator",
+    logged=False,
+    replayed="order",
 )
 
 

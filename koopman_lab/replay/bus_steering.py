@@ -99,8 +99,13 @@ class BusSteering:
         self._ports.append(port)
 
     def take(self, message: lcmtypes.replay_control_t) -> None:
-        """Do what is asked for, once; what is no number, or unknown, is passed over."""
-        if message.number <= self._obeyed or not math.isfinite(message.value):
+        """Do what is asked for, once; what is no number, or unknown, is passed over.
+
+        So is what says that it was asked for later than it was sent: nobody could ask for anything
+        after it.
+        """
+        is_new = self._obeyed < message.number <= message.utime
+        if not is_new or not math.isfinite(message.value):
             return
         self._obeyed = message.number
         playback, now_us = self._playback, self._clock_us()

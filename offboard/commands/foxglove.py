@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,9 +11,11 @@ from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err
 
+if TYPE_CHECKING:
+    from koopman_lab.bus.realtime import Listener, StopSignals
+
 HOST, PORT = "127.0.0.1", 8767
 """Not 8765, which is usual for Foxglove: there is the page, and that of a replay next to it."""
-INTERRUPTED = 130
 LOOK_S = 0.1
 
 
@@ -42,6 +43,7 @@ def foxglove(
     from foxglove import Context, start_server
 
     from koopman_lab.bus.realtime import StopSignals
+    from offboard.lab.session_runner import INTERRUPTED
     from offboard.viewer.foxglove_feed import FoxgloveFeed
 
     lab = options.resolve(config, overrides, robot, url=url)
@@ -60,12 +62,19 @@ def foxglove(
     try:
         with stop.installed():
             while not stop.received:
-                # LCM's wait ends in an error when a signal handler ran in it.
-                with contextlib.suppress(OSError):
-                    listener.spin(LOOK_S)
+                _spin(listener, stop)
     finally:
         server.stop()
     raise typer.Exit(INTERRUPTED)
+
+
+def _spin(listener: Listener, stop: StopSignals) -> None:
+    try:
+        listener.spin(LOOK_S)
+    except OSError:
+        # LCM's wait ends this way when a signal handler ran in it.
+        if not stop.received:
+            raise
 
 
 def _shown(host: str) -> str:

@@ -8,11 +8,15 @@ from typing import Any
 from foxglove import Channel as Topic
 from foxglove import Context, Schema
 
+from koopman_lab.bus.age import is_current
+from koopman_lab.bus.channels import SESSION_INFO
 from koopman_lab.bus.message_values import json_schema, plain_values
-from koopman_lab.data.formats.decoded import NS_PER_US, Exported, decoded
+from koopman_lab.data.formats.decoded import NS_PER_US, Decoded, Exported, decoded
 from koopman_lab.data.formats.foxglove_scene import Scene, Shown, schema_of
 from koopman_lab.eventlog.eventlog import Event
 from koopman_lab.units import US_PER_S
+from offboard.monitor.lab_view import MOST_ROBOTS
+from offboard.monitor.robot_view import LEARNS_US
 
 STILL_PERIOD_US = US_PER_S
 """Who opens the lab sees its floor and its body within this time."""
@@ -34,17 +38,34 @@ class FoxgloveFeed:
         self._scene = Scene()
         self._topics: dict[str, Topic] = {}
         self._still_us = 0
+        self._learned_us: dict[str, int] = {}
+        """By robot, of those that have a place: when it was last asked for its configuration."""
 
     def take(self, name: str, data: bytes, arrived_us: int) -> None:
         """Take a message that arrived (us); what is none of a lab is passed over."""
         for entry in decoded([Event(0, arrived_us, name, data)], Exported.nothing()):
             self._log_values(name, entry.message, arrived_us)
-            for shown in self._scene.take(entry.robot_name, entry.channel, entry.message):
-                self._log(shown, arrived_us)
+            if self._is_shown(entry, arrived_us):
+                for shown in self._scene.take(entry.robot_name, entry.channel, entry.message):
+                    self._log(shown, arrived_us)
         if arrived_us - self._still_us >= STILL_PERIOD_US:
             self._still_us = arrived_us
             for shown in self._scene.still(arrived_us):
                 self._log(shown, arrived_us)
+
+    def _is_shown(self, entry: Decoded, arrived_us: int) -> bool:
+        """Return whether there is a place for the robot, and time to read what is new of it."""
+        learned_us = self._learned_us.get(entry.robot_name)
+        if learned_us is None:
+            if len(self._learned_us) == MOST_ROBOTS:
+                return False
+            self._learned_us[entry.robot_name] = arrived_us - LEARNS_US - 1
+        if entry.channel is not SESSION_INFO:
+            return True
+        if learned_us is not None and is_current(learned_us, arrived_us, LEARNS_US):
+            return False
+        self._learned_us[entry.robot_name] = arrived_us
+        return True
 
     def _log_values(self, name: str, message: Any, arrived_us: int) -> None:
         topic = self._topics.get(name)

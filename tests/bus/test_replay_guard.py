@@ -64,6 +64,6 @@ def test_an_order_is_of_now_or_a_logs(age_us):
 @pytest.mark.parametrize("channel", CHANNELS, ids=lambda channel: channel.suffix)
 def test_what_moves_the_robot_by_wire_or_by_hand_is_guarded(channel):
     by_wire = channel.suffix in ("ENCODER", "MOTOR_CMD")
-    by_hand = channel.suffix in ("PLANT_RESET", "FAULT")
+    by_hand = channel.suffix in ("PLANT_RESET", "FAULT", "REPLAY_CONTROL")
     kind = StreamGuard if by_wire else OrderGuard if by_hand else type(None)
     assert isinstance(guard_of(channel.replayed), kind)

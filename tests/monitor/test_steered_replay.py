@@ -95,3 +95,14 @@ def test_no_nonsense_breaks_the_page():
     for value in (math.nan, math.inf, -math.inf, 1e308):
         say(view, 3_000, position_s=value, speed=value)
         json.dumps(view.snapshot(4_000), allow_nan=False)
+
+
+def test_nobody_makes_a_live_robot_forget_what_its_streams_miss():
+    """Whoever says that a log has jumped, over and over, beside a robot that speaks."""
+    view, now_us = seen("park.lcm", until_us=3_000_000)
+    streams = view.robots["R1"]._streams
+    before = {name: stream._publishers for name, stream in streams.items()}
+    for seeks in range(1, 5):
+        say(view, now_us, seeks=seeks)
+    assert {name: stream._publishers for name, stream in streams.items()} == before
+    assert robot_of((view, now_us))["replay_progress"] is None

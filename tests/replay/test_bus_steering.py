@@ -33,7 +33,8 @@ class Bench:
         self.said.append(message)
 
     def ask(self, number, action, value=0.0):
-        self.steering.take(control_message(Control(action, value), number, self.clock_us))
+        utime = max(number, self.clock_us)
+        self.steering.take(control_message(Control(action, value), number, utime))
 
 
 def test_the_state_is_said_several_times_a_second_and_at_once_when_it_changes():
@@ -88,3 +89,12 @@ def test_whatever_a_stranger_says_each_number_counts_once_and_the_replay_stays_w
         assert bench.said[-1].control == number
         assert 0.0 <= bench.said[-1].position_s <= 10.0
         assert 0.0 < bench.playback.speed <= FASTEST
+
+
+@given(st.integers(0, 10**15), st.integers(1, 2**62))
+def test_nobody_asks_for_anything_after_it_was_sent_and_so_locks_others_out(utime, later_us):
+    bench = Bench()
+    bench.steering.take(control_message(Control(replay_control_t.PLAY), utime + later_us, utime))
+    assert not bench.playback.playing
+    bench.ask(1, replay_control_t.PLAY)
+    assert bench.playback.playing

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from koopman_lab.bus.message_values import flat_columns, plain_values
-from koopman_lab.data.formats.decoded import ARRIVAL, Exported, decoded
+from koopman_lab.data.formats.decoded import ARRIVAL, Exported, channel_files, decoded
 from koopman_lab.eventlog.eventlog import Event
-from koopman_lab.files import file_name, replacing_folder
+from koopman_lab.files import replacing_folder
 
 
 def write(events: Iterable[Event], folder: Path) -> Exported:
@@ -38,13 +38,11 @@ def write(events: Iterable[Event], folder: Path) -> Exported:
         rows.append(row)
     written.require_any()
     with replacing_folder(folder) as temporary:
-        taken: set[str] = set()
-        for name, (columns, rows) in tables.items():
+        files = channel_files(temporary, tables, ".csv")
+        for file, (columns, rows) in zip(files, tables.values(), strict=True):
             text = io.StringIO()
             writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
             writer.writeheader()
             writer.writerows(rows)
-            stem = file_name(name, taken)  # anybody on the bus can name a channel
-            taken.add(stem.lower())
-            (temporary / f"{stem}.csv").write_text(text.getvalue())
+            file.write_text(text.getvalue())
     return written

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import struct
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from koopman_lab.bus.channel import Channel
 from koopman_lab.bus.channels import split_name
 from koopman_lab.errors import BusError, LogError
 from koopman_lab.eventlog.eventlog import Event
+from koopman_lab.files import file_name
+from koopman_lab.units import US_PER_S
 
 ARRIVAL = "arrival_us"
 """Column that tables have in front: when the logger received the message (us)."""
@@ -88,6 +92,28 @@ def _decoded(event: Event) -> Decoded | None:
 def nanoseconds(utime_us: int, latest_ns: int) -> int:
     """Return a time in ns as a format can hold it: from 1970 on, and no later than its latest."""
     return min(max(utime_us, 0) * NS_PER_US, latest_ns)
+
+
+def seconds_and_nanoseconds(utime_us: int, latest_s: int) -> tuple[int, int]:
+    """Return a time as a format can hold it: from 1970 on, and no later than its latest second."""
+    seconds, us = divmod(utime_us, US_PER_S)
+    if not 0 <= seconds <= latest_s:
+        seconds, us = min(max(seconds, 0), latest_s), 0
+    return seconds, us * NS_PER_US
+
+
+def turn_about_z(theta_rad: float) -> tuple[float, float]:
+    """Return ``(z, w)`` of the quaternion of a turn about the axis that points up."""
+    return math.sin(theta_rad / 2.0), math.cos(theta_rad / 2.0)
+
+
+def channel_files(folder: Path, channels: Iterable[str], ending: str) -> Iterator[Path]:
+    """Give a file for each channel; anybody on the bus can name one."""
+    taken: set[str] = set()
+    for channel in channels:
+        stem = file_name(channel, taken)
+        taken.add(stem.lower())
+        yield folder / f"{stem}{ending}"
 
 
 class Column(NamedTuple):

@@ -35,6 +35,7 @@ from koopman_lab.bus.channels import MOCAP_POSE, MPC_STATE, SESSION_INFO
 from koopman_lab.config.load import load_config, parse_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.data.formats import scene_entities
+from koopman_lab.data.formats.decoded import seconds_and_nanoseconds, turn_about_z
 from koopman_lab.errors import LabError
 from koopman_lab.geometry.planar import PlainPose
 from koopman_lab.units import US_PER_S
@@ -148,8 +149,9 @@ class _Robot:
     def _draw(self, at: Timestamp) -> Shown:
         """Draw what stays: body, floor and sets, as the session says, or else the defaults."""
         self._drawn = True
-        config = self._config or load_config()
-        return self._scene(at, scene_entities.lab(self._name, LAB, config))
+        if self._config is None:
+            self._config = load_config()
+        return self._scene(at, scene_entities.lab(self._name, LAB, self._config))
 
     def _show_goal(self, at: Timestamp, goal: tuple[float, ...]) -> Iterator[Shown]:
         placed = foxglove_pose(goal)
@@ -183,16 +185,12 @@ class _Robot:
 
 def timestamp(utime: int) -> Timestamp:
     """Return a time (us) as protobuf has it, as near as it can hold it, from 1970 on."""
-    seconds, us = divmod(utime, US_PER_S)
-    if not 0 <= seconds <= LATEST_S:
-        seconds, us = min(max(seconds, 0), LATEST_S), 0
-    return Timestamp(seconds=seconds, nanos=us * 1000)
+    seconds, nanos = seconds_and_nanoseconds(utime, LATEST_S)
+    return Timestamp(seconds=seconds, nanos=nanos)
 
 
 def foxglove_pose(pose: Sequence[float]) -> Pose:
     """Return a planar pose (m, m, rad) in space, on the floor."""
     x1, x2, theta = pose
-    return Pose(
-        position=Vector3(x=x1, y=x2, z=0.0),
-        orientation=Quaternion(x=0.0, y=0.0, z=math.sin(theta / 2.0), w=math.cos(theta / 2.0)),
-    )
+    z, w = turn_about_z(theta)
+    return Pose(position=Vector3(x=x1, y=x2, z=0.0), orientation=Quaternion(x=0.0, y=0.0, z=z, w=w))

@@ -9,9 +9,15 @@ from typing import Any
 import pyarrow as pa
 from pyarrow import parquet
 
-from koopman_lab.data.formats.decoded import ARRIVAL, Column, Exported, columns_by_channel
+from koopman_lab.data.formats.decoded import (
+    ARRIVAL,
+    Column,
+    Exported,
+    channel_files,
+    columns_by_channel,
+)
 from koopman_lab.eventlog.eventlog import Event
-from koopman_lab.files import file_name, replacing_folder
+from koopman_lab.files import replacing_folder
 
 _TYPES: dict[str, Any] = {
     "int8_t": pa.int8(),
@@ -42,13 +48,11 @@ def write(events: Iterable[Event], folder: Path) -> Exported:
     written = Exported.nothing()
     tables = columns_by_channel(events, written)
     with replacing_folder(folder) as temporary:
-        taken: set[str] = set()
-        for name, (arrivals, columns) in tables.items():
+        files = channel_files(temporary, tables, ".parquet")
+        for file, (arrivals, columns) in zip(files, tables.values(), strict=True):
             arrays = {ARRIVAL: pa.array(arrivals, pa.int64())}
             arrays |= {column.name: _array(column) for column in columns}
-            stem = file_name(name, taken)
-            taken.add(stem.lower())
-            parquet.write_table(pa.table(arrays), temporary / f"{stem}.parquet")
+            parquet.write_table(pa.table(arrays), file)
     return written
 
 

@@ -34,11 +34,17 @@ from koopman_lab.bus.channels import (
     VELOCITY_CMD,
     WHEEL_STATE,
 )
-from koopman_lab.data.formats.decoded import Decoded, Exported, decoded, nanoseconds
+from koopman_lab.data.formats.decoded import (
+    Decoded,
+    Exported,
+    decoded,
+    nanoseconds,
+    seconds_and_nanoseconds,
+    turn_about_z,
+)
 from koopman_lab.eventlog.eventlog import Event
 from koopman_lab.files import replacing_folder
 from koopman_lab.geometry.planar import PlainPose
-from koopman_lab.units import US_PER_S
 
 LAB = "lab"
 LATEST_NS = (1 << 63) - 1
@@ -130,15 +136,8 @@ class _Messages:
         yield from self._twist(entry, "cmd_vel")
 
     def _acceleration_command(self, entry: Decoded) -> Ros:
-        message, name = entry.message, _topic_word(entry.robot_name)
-        values = message.a_m_per_s2, message.d_omega_rad_per_s2
-        if not all(map(math.isfinite, values)):
-            return
-        linear, angular = self._vectors(*values)
-        accel = self._make("geometry_msgs/msg/Accel", linear=linear, angular=angular)
-        header = self._header(message.utime, name)
-        stamped = self._make("geometry_msgs/msg/AccelStamped", header=header, accel=accel)
-        yield f"/{name}/cmd_accel", stamped
+        values = entry.message.a_m_per_s2, entry.message.d_omega_rad_per_s2
+        yield from self._motion(entry, "cmd_accel", "Accel", values)
 
     def _wheels(self, entry: Decoded) -> Ros:
         yield from self._twist(entry, "wheel_velocity")
@@ -166,24 +165,26 @@ class _Messages:
             yield f"/{name}/plan", self._make("nav_msgs/msg/Path", header=header, poses=poses)
 
     def _twist(self, entry: Decoded, topic: str) -> Ros:
-        message, name = entry.message, _topic_word(entry.robot_name)
-        values = message.v_m_per_s, message.omega_rad_per_s
+        values = entry.message.v_m_per_s, entry.message.omega_rad_per_s
+        yield from self._motion(entry, topic, "Twist", values)
+
+    def _motion(self, entry: Decoded, topic: str, kind: str, values: tuple[float, float]) -> Ros:
+        """Give a ``Twist`` or an ``Accel`` along the robot's x axis and about z."""
         if not all(map(math.isfinite, values)):
             return
-        linear, angular = self._vectors(*values)
-        twist = self._make("geometry_msgs/msg/Twist", linear=linear, angular=angular)
-        header = self._header(message.utime, name)
-        stamped = self._make("geometry_msgs/msg/TwistStamped", header=header, twist=twist)
-        yield f"/{name}/{topic}", stamped
-
-    def _vectors(self, forward: float, turning: float) -> tuple[Any, Any]:
-        """Return what goes along the robot's x axis, and what turns about z."""
-        kind = "geometry_msgs/msg/Vector3"
-        return self._make(kind, x=forward, y=0.0, z=0.0), self._make(kind, x=0.0, y=0.0, z=turning)
+        forward, turning = values
+        name, vector = _topic_word(entry.robot_name), "geometry_msgs/msg/Vector3"
+        motion = self._make(
+            f"geometry_msgs/msg/{kind}",
+            linear=self._make(vector, x=forward, y=0.0, z=0.0),
+            angular=self._make(vector, x=0.0, y=0.0, z=turning),
+        )
+        parts = {"header": self._header(entry.message.utime, name), kind.lower(): motion}
+        yield f"/{name}/{topic}", self._make(f"geometry_msgs/msg/{kind}Stamped", **parts)
 
     def _placed(self, pose: PlainPose | Sequence[float]) -> Any:
         x1, x2, theta = pose
-        z, w = math.sin(theta / 2.0), math.cos(theta / 2.0)
+        z, w = turn_about_z(theta)
         return self._make(
             "geometry_msgs/msg/Pose",
             position=self._make("geometry_msgs/msg/Point", x=x1, y=x2, z=0.0),
@@ -191,10 +192,8 @@ class _Messages:
         )
 
     def _header(self, utime: int, frame_id: str) -> Any:
-        seconds, us = divmod(utime, US_PER_S)
-        if not 0 <= seconds <= LATEST_S:
-            seconds, us = min(max(seconds, 0), LATEST_S), 0
-        stamp = self._make("builtin_interfaces/msg/Time", sec=seconds, nanosec=us * 1000)
+        seconds, nanoseconds_of_it = seconds_and_nanoseconds(utime, LATEST_S)
+        stamp = self._make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds_of_it)
         return self._make("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
 
     def _make(self, name: str, **fields: Any) -> Any:
