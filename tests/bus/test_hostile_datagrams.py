@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
@@ -209,6 +210,7 @@ def wait_until_read(listener):
     for _ in range(10_000):
         if at_rest(listener._bus._socket, frozenset()):
             return
+        time.sleep(0.001)
     pytest.fail("the library does not read")
 
 
