@@ -29,7 +29,7 @@ export function processes(table, entries) {
     const bad = entry.state === "died" || entry.state === "silent";
     return [entry.name, [`${entry.state}${entry.ended ? `: ${entry.ended}` : ""}`, bad],
       entry.age_s === null ? "-" : `${digits(entry.age_s, 1)} s ago`, `${entry.pid}`, `${entry.missed_ticks ?? "-"}`,
-      `${entry.lost_messages ?? "-"}`, entry.needs.join(", ") || "nothing", entry.stopped_by];
+      `${entry.lost_messages ?? "-"}`];
   }));
   entries.forEach((entry, i) => {
     if (entry.state !== "died" || !entry.log_file) return;
@@ -37,4 +37,8 @@ export function processes(table, entries) {
     words.textContent = `${entry.log_file} ends with:\n${entry.last_lines || "(it said nothing)"}`;
     table.tBodies[0].rows[i].cells[1].append(words);
   });
+}
+
+export function needs(table, entries) {
+  fill(table, entries.map((entry) => [entry.name, entry.needs.join(", ") || "nothing", entry.stopped_by]));
 }
