@@ -21,7 +21,9 @@ def serving(*arguments, cwd=None):
         text=True,
         cwd=cwd,
     )
-    yield process, re.search(r"http://\S+", process.stderr.readline()).group()
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=LIMIT_S)
+    try:
+        yield process, re.search(r"http://\S+", process.stderr.readline()).group()
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=LIMIT_S)
     assert process.returncode == 130

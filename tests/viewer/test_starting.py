@@ -2,31 +2,23 @@
 
 import json
 import shutil
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from klab import REFERENCE, alive
+from klab import alive, klab_ok
 from viewer.page_server import LIMIT_S, serving
 from websockets.sync.client import connect
 
 MOST_TRIES = 1200
-SUMMARY = {"what": "calibrate", "complete": True, "robot": "kinematic", "segments": 6, "seed": 1}
 
 
 class Page:
     """A page's ear at the server, and what it was told of the runs."""
 
-    def __init__(self, address, query=""):
-        self.socket = connect(
-            f"{address.split('?')[0].replace('http', 'ws')}ws{query}", max_size=None
-        )
+    def __init__(self, socket):
+        self.socket = socket
         self.jobs = {"runs": [], "offers": {}}
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.socket.close()
 
     def until(self, condition):
         """Listen until what is said of the runs is as it should be."""
@@ -47,13 +39,25 @@ class Page:
         return pytest.fail("no answer")
 
 
+@contextmanager
+def opened(address, query=""):
+    """Open the page at an address."""
+    with connect(f"{address.replace('http', 'ws')}ws{query}", max_size=None) as socket:
+        yield Page(socket)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """Record a calibration once."""
+    run = tmp_path_factory.mktemp("recorded") / "run"
+    klab_ok("calibrate", "--lockstep", "--segments", "8", "--seed", "1", "--out", run)
+    return run
+
+
 @pytest.fixture
-def folder(tmp_path):
+def folder(recorded, tmp_path):
     """Give a folder with a recorded calibration in its runs."""
-    run = tmp_path / "runs" / "first-calibrate"
-    run.mkdir(parents=True)
-    shutil.copy(REFERENCE / "calibration.lcm", run / "session.lcm")
-    (run / "summary.json").write_text(json.dumps(SUMMARY))
+    shutil.copytree(recorded, tmp_path / "runs" / "first-calibrate")
     return tmp_path
 
 
@@ -67,7 +71,7 @@ def children(pid):
 
 
 def test_what_is_started_runs_as_a_command_and_its_outcome_and_folder_are_shown(folder):
-    with serving(cwd=folder) as (_, address), Page(address) as page:
+    with serving(cwd=folder) as (_, address), opened(address) as page:
         jobs = page.until(lambda jobs: jobs["offers"].get("sessions"))
         assert [task["name"] for task in jobs["tasks"]] == [
             *("park", "calibrate", "train", "reference", "replay")
@@ -99,7 +103,7 @@ def test_what_is_started_runs_as_a_command_and_its_outcome_and_folder_are_shown(
 
 
 def test_what_runs_can_be_ended_and_what_waits_goes_with_a_stop(folder):
-    with serving(cwd=folder) as (process, address), Page(address) as page:
+    with serving(cwd=folder) as (process, address), opened(address) as page:
         log = page.until(lambda jobs: jobs["offers"].get("logs"))["offers"]["logs"][0][0]
         slowly = {"do": "start", "task": "replay", "values": {"log": log, "speed": 0.1}}
         assert page.ask(**slowly)["said"] == "Replay: starting"
@@ -134,7 +138,10 @@ def test_a_watcher_sees_all_of_it_and_starts_stops_and_moves_nothing(folder):
         said = process.stderr.readline()
         address = f"http://127.0.0.1:{printed.split(':')[2].split('/')[0]}/"
         token, watching = printed.split("token=")[1], said.split("token=")[1].split()[0]
-        with Page(address, f"?token={token}") as page, Page(address, f"?token={watching}") as other:
+        with (
+            opened(address, f"?token={token}") as page,
+            opened(address, f"?token={watching}") as other,
+        ):
             log = page.until(lambda jobs: jobs["offers"].get("logs"))["offers"]["logs"][0][0]
             start = {"do": "start", "task": "replay", "values": {"log": log, "speed": 0.1}}
             goal = {"do": "goal", "robot": "R1", "x1_m": 0.0, "x2_m": 0.0, "theta_rad": 0.0}
