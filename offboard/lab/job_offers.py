@@ -95,11 +95,10 @@ def _default_first(kinds: Sequence[str], config: LabConfig) -> list[str]:
 def _robots(configured: str, alive: Mapping[str, str]) -> list[Choice]:
     """Return the robots that are alive, the configured one, and a name that nobody has."""
     choices = [
-        Choice(name, f"{name}, alive{f' ({kind})' if kind else ''}", kind)
-        for name, kind in sorted(alive.items())
+        Choice(name, f"{name} ({kind or 'alive'})", kind) for name, kind in sorted(alive.items())
     ]
     if configured not in alive:
-        return [*choices, Choice(configured, f"{configured}, to be started")]
+        return [*choices, Choice(configured, f"{configured} (to start)")]
     taken = {int(match[1]) for name in alive if (match := NUMBERED.fullmatch(name))}
     free = next(number for number in range(1, len(taken) + 2) if number not in taken)
-    return [*choices, Choice(f"R{free}", f"R{free}, another one to be started")]
+    return [*choices, Choice(f"R{free}", f"R{free} (another one)")]

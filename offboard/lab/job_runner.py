@@ -226,7 +226,7 @@ class JobRunner:
             "number": None,
             "stage": Stage.ended,
             "task": run.what,
-            "at_s": run.ended_s,
+            "at_s": run.at_s,
             "began_s": None,
             "state": run.outcome._asdict(),
             "uses": uses,
@@ -250,8 +250,11 @@ def _uses(
         value = values.get(field.name)
         if value is None:
             continue
-        labels = {c.value: c.label for c in choices.get(field.source, ())}
-        numbers = value if isinstance(value, list) else [value]
-        text = labels[value] if field.source else ", ".join(f"{number:g}" for number in numbers)
-        uses[field.label] = text
+        if field.source:
+            labels = {choice.value: choice.label for choice in choices[field.source]}
+            # That a robot is to start, or alive, says nothing of it later.
+            uses[field.label] = value if field.source == "robots" else labels[value]
+        else:
+            numbers = value if isinstance(value, list) else [value]
+            uses[field.label] = ", ".join(f"{number:g}" for number in numbers)
     return uses

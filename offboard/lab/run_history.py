@@ -11,8 +11,9 @@ from koopman_lab.errors import LabError, LabStateError
 from koopman_lab.eventlog.log_name import LOG_NAME, SUMMARY_NAME
 from koopman_lab.json_file import JsonTable, Refusal, read_table
 from koopman_lab.koopman.model_file import read_model_file
+from offboard.lab.run_folder import RunFolder
 from offboard.lab.run_outcome import outcome_of
-from offboard.monitor.state_in_words import WARN, StateInWords
+from offboard.monitor.state_in_words import IDLE, WARN, StateInWords
 
 DEPTH = 3
 """So many folders below that of the runs are looked at: a demo holds a calibration and a park."""
@@ -20,6 +21,8 @@ MOST_RUNS = 100
 """The newest; a person looks for older ones on the disk."""
 LARGEST_MODEL_BYTES = 1 << 22
 """Assumption: the paper's models have 10 kB. A larger .npz is a data set."""
+COMMANDING = {"sampler": "calibrate", "controller": "park", "reference": "reference"}
+"""Which command starts a node that drives."""
 USED = ("model", "cost", "seed")
 """Keys of a summary that say what a run used."""
 PASSED_OVER = ("processes",)
@@ -35,8 +38,8 @@ class PastRun(NamedTuple):
         Where it is.
     what
         Which command made it; empty if nobody knows.
-    ended_s
-        When its newest file that tells of it was written (s since 1970).
+    at_s
+        When its summary was written, or else when it began (s since 1970).
     robot
         Kind of its robot; empty if nobody knows.
     outcome
@@ -49,7 +52,7 @@ class PastRun(NamedTuple):
 
     folder: Path
     what: str
-    ended_s: float
+    at_s: float
     robot: str
     outcome: StateInWords
     uses: dict[str, str]
@@ -109,7 +112,7 @@ class RunHistory:
                     model = self._read(seen, file, _model)
                     if model is not None:
                         models.append(model)
-        runs.sort(key=lambda run: run.ended_s, reverse=True)
+        runs.sort(key=lambda run: run.at_s, reverse=True)
         models.sort(key=lambda model: model.written_s, reverse=True)
         return runs[:MOST_RUNS], models
 
@@ -140,22 +143,33 @@ def _run(file: Path, facts: os.stat_result) -> PastRun:
     """Return what a summary says, or a log without one."""
     folder, ended_s = file.parent, facts.st_mtime
     if file.name != SUMMARY_NAME:
-        unfinished = StateInWords("not finished", WARN, "no summary was written")
-        return PastRun(folder, _what_by_name(folder), ended_s, "", unfinished, {}, log=True)
+        what, outcome = _without_summary(folder)
+        return PastRun(folder, what, _begun_s(folder, ended_s), "", outcome, {}, log=True)
     refusal = Refusal(file, "a summary", "the log beside it is whole", LabStateError)
     try:
         summary = read_table(refusal, JsonTable).model_dump()
     except LabError as error:
         damaged = StateInWords("summary damaged", WARN, str(error))
-        return PastRun(folder, _what_by_name(folder), ended_s, "", damaged, {}, log=False)
+        return PastRun(folder, "", ended_s, "", damaged, {}, log=False)
     uses: dict[str, str] = {key: str(summary[key]) for key in USED if key in summary}
     what, robot = str(summary.get("what", "")), str(summary.get("robot", ""))
     return PastRun(folder, what, ended_s, robot, outcome_of(summary), uses, log=False)
 
 
-def _what_by_name(folder: Path) -> str:
-    """Return what a run is by the name that its folder has of its own accord."""
-    return folder.name.rpartition("-")[2]
+def _without_summary(folder: Path) -> tuple[str, StateInWords]:
+    """Return what a log without a summary is of, by the processes that the command started."""
+    for node, what in COMMANDING.items():
+        if RunFolder(folder).process_log(node).exists():
+            return what, StateInWords("not finished", WARN, "no summary was written")
+    return "log", StateInWords("recorded", IDLE)
+
+
+def _begun_s(folder: Path, otherwise_s: float) -> float:
+    """Return when a run began (s since 1970): a log that goes on growing is no newer for it."""
+    try:
+        return RunFolder(folder).config.stat().st_mtime
+    except OSError:
+        return otherwise_s
 
 
 def _model(file: Path, facts: os.stat_result) -> PastModel | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import lcmtypes
-from koopman_lab.bus.motor_loop_faults import why_stopped
 from koopman_lab.units import US_PER_S
 from offboard.monitor.drives import CALIBRATION, Drive
 from offboard.monitor.state_in_words import (
@@ -59,9 +58,9 @@ def robot_state(
     if status is None:
         return StateInWords("motor loop silent", BAD, "nobody knows whether the robot stands")
     if status.state == status.ESTOP:
-        return StateInWords("stopped", BAD, "it stands until it is released")
+        return StateInWords("stopped", BAD)
     if status.state == status.FAULT:
-        return StateInWords("fault", BAD, f"{why_stopped(status)}; it stands until it is released")
+        return StateInWords("fault", BAD)
     if drive is not None and drive.end is None:
         if waiting:
             return StateInWords("paused", WARN, waiting)

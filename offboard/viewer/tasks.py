@@ -201,7 +201,7 @@ TASKS = {
                 _ROBOT,
                 _KIND,
                 Field(
-                    *("segments", "Segments per basis input", "--segments"),
+                    *("segments", "Segments per input", "--segments"),
                     low=1,
                     high=1000,
                     whole=True,

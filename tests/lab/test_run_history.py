@@ -59,18 +59,23 @@ def test_runs_and_models_are_found_the_newest_first(tmp_path):
     demo = tmp_path / "runs" / "demo"
     left(demo / "calibration", CALIBRATED, at_s=1000.0)
     left(demo / "park", PARKED, at_s=2000.0)
-    left(tmp_path / "runs" / "20260101-000000-park")
+    begun = left(tmp_path / "runs" / "20260101-000000-park")
+    (begun / "processes").mkdir()
+    (begun / "processes" / "controller.log").touch()
+    os.utime(begun / "session.lcm", (3000.0, 3000.0))
+    os.utime(left(tmp_path / "runs" / "up") / "session.lcm", (4000.0, 4000.0))
     left(demo / "park" / "processes" / "x", PARKED)
     shutil.copy(MODEL, demo / "model.npz")
     (demo / "data.npz").write_bytes(b"none")
     (demo / "park" / "summary.json").with_name("other.json").write_text("{}")
     runs, models = RunHistory(tmp_path / "runs").look()
     assert [(r.folder.name, r.what, r.outcome.word, r.log) for r in runs] == [
+        ("up", "log", "recorded", True),
         ("20260101-000000-park", "park", "not finished", True),
         ("park", "park", "parked", True),
         ("calibration", "calibrate", "calibrated", True),
     ]
-    assert runs[1].uses == {"model": "/m.npz", "cost": "me", "seed": "3"}
+    assert runs[2].uses == {"model": "/m.npz", "cost": "me", "seed": "3"}
     assert [(m.file.name, m.robot, m.name) for m in models] == [("model.npz", "kinematic", "D5t")]
 
 

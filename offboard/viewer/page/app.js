@@ -138,7 +138,7 @@ function facts(robot) {
 
 // What may wait is done a piece a frame, so that the floor never does.
 function slow(robot, mine) {
-  later = [() => channels(get("channels"), robot.channels), () => processes(get("processes"), robot.processes),
+  later = [() => channels(get("channels"), robot.channels), () => processes(get("processes"), get("last-words"), robot.processes),
     () => needs(get("needs"), robot.processes), ...plots.tasks(mine.rows, robot.drive, robot.interval_ms)];
   health(robot);
   const sampler = robot.sampler;
@@ -162,7 +162,9 @@ function nobody() {
   text("lag", "");
   floor.clear();
   later = [];
-  for (const [fill, id] of [[channels, "channels"], [processes, "processes"], [needs, "needs"]]) fill(get(id), []);
+  channels(get("channels"), []);
+  processes(get("processes"), get("last-words"), []);
+  needs(get("needs"), []);
   plots.clear();
   get("facts").replaceChildren();
   get("floor").setAttribute("aria-label", "Floor seen from above: no robot is heard");

@@ -3,14 +3,14 @@ const RUN = "run"; // the axis fits the newest run
 const SHORT_S = 20; // with no run there is nothing to fit
 const LEAST_S = 5;
 const TICKS_PX = 18; // at least between two marks of the upright axis
-const HEIGHT_PX = 84;
+const HEIGHT_PX = 72;
 const T = 0, V = 4, V_SET = 5, OMEGA = 6, OMEGA_SET = 7, VALUE = 8, SOLVE = 9, X2 = 10;
 // `least`: what the upright axis shows at least, so that noise at rest does not look like driving.
 const PLOTS = [
   { title: "v", columns: [["measured", V, "robot"], ["set-point", V_SET, "horizon"]], least: [-0.1, 0.1], unit: "m/s" },
   { title: "omega", columns: [["measured", OMEGA, "robot"], ["set-point", OMEGA_SET, "horizon"]], least: [-0.2, 0.2], unit: "rad/s" },
-  { title: "x2 deviation from the goal", columns: [["x2", X2, "robot"]], least: [-0.01, 0.01], unit: "m" },
-  { title: "value function", columns: [["value", VALUE, "robot"]], log: true, unit: "(no unit)" },
+  { title: "x2 off the goal", columns: [["x2", X2, "robot"]], least: [-0.01, 0.01], unit: "m" },
+  { title: "value function", columns: [["value", VALUE, "robot"]], log: true, unit: "no unit" },
   { title: "solve time", columns: [["solve", SOLVE, "robot"]], least: [0, 1], limit: true, unit: "ms" },
 ];
 
@@ -88,7 +88,7 @@ export class Plots {
     const css = getComputedStyle(this.section);
     const colour = (name) => css.getPropertyValue(`--${name}`);
     const axis = { space: TICKS_PX, stroke: colour("quiet"), grid: { stroke: colour("line"), width: 0.5 },
-      ticks: { stroke: colour("line"), width: 0.5 }, font: "10px system-ui, sans-serif" };
+      ticks: { stroke: colour("line"), width: 0.5, size: 3 }, gap: 2, font: "10px system-ui, sans-serif" };
     const series = [{}].concat(
       plot.columns.map(([label, , name]) => ({ label, stroke: colour(name), width: 1.5, spanGaps: false,
         dash: label === "set-point" ? [5, 4] : undefined })),
@@ -97,25 +97,26 @@ export class Plots {
     const seconds = (chart, marks) => marks.map((mark) => `${+mark.toFixed(1)} s`);
     return new window.uPlot({
       width: Math.max(where.clientWidth, 120), height: HEIGHT_PX, legend: { show: false }, cursor: { show: false },
-      scales: { x: { time: false, range: () => this.range }, y: plot.log ? { distr: 3 } : { range: span(plot.least) } },
-      axes: [{ ...axis, space: 44, size: 20, values: seconds }, plot.log ? { ...axis, size: 40, ...LOG_AXIS } : { ...axis, size: 40 }], series,
+      scales: { x: { time: false, range: () => this.range }, y: plot.log ? { distr: 3, range: decades } : { range: span(plot.least) } },
+      axes: [{ ...axis, space: 44, size: 18, values: seconds }, plot.log ? { ...axis, size: 40, ...LOG_AXIS } : { ...axis, size: 40 }], series, padding: [4, 8, 0, 0],
     }, [[0], ...series.slice(1).map(() => [null])], where);
   }
 }
 
+// Where there are no values yet, an axis all the same.
 function span([low, high]) {
-  return { min: { pad: 0.1, soft: low, mode: 1 }, max: { pad: 0.1, soft: high, mode: 1 } };
+  const limits = { min: { pad: 0.1, soft: low, mode: 1 }, max: { pad: 0.1, soft: high, mode: 1 } };
+  return (chart, least, most) => (least === null ? [low, high] : window.uPlot.rangeNum(least, most, limits));
 }
 
+function decades(chart, least, most) { return least === null ? [0.1, 10] : window.uPlot.rangeLog(least, most, 10, true); }
+
+// The first is drawn through, the other one dashed.
 function newest(plot, rows, intervalMs) {
   const row = rows[rows.length - 1] ?? [];
-  const said = plot.columns.map(([label, column]) => {
-    const dashed = label === "set-point" ? " (dashed)" : "";
-    const name = plot.columns.length > 1 ? `${label}${dashed} ` : "";
-    return `${name}${known(row[column]) ? row[column].toPrecision(3) : "none"}`;
-  });
-  const limit = plot.limit ? `, interval (dashed) ${intervalMs}` : "";
-  return `${plot.title}: ${said.join(", ")}${limit} ${plot.unit}`;
+  const said = plot.columns.map(([, column]) => (known(row[column]) ? row[column].toPrecision(3) : "none"));
+  if (plot.limit) said.push(intervalMs);
+  return `${plot.title} (${plot.unit}): ${said.join(", dashed ")}`;
 }
 
 // What the plot shows, for who does not see it.
