@@ -67,10 +67,11 @@ export class Plots {
     const shown = rows.filter((row) => row[T] >= from && row[T] <= to + 0.1);
     const x = shown.map((row) => row[T] - zero);
     this.range = [from - zero, to - zero];
-    return this.made.map((one) => () => this.draw(one, shown, x, intervalMs));
+    const over = this.choice === RUN && Boolean(drive?.ended_s);
+    return this.made.map((one) => () => this.draw(one, shown, x, intervalMs, over));
   }
 
-  draw(one, shown, x, intervalMs) {
+  draw(one, shown, x, intervalMs, over) {
     const { plot } = one;
     const data = [x];
     for (const [, column] of plot.columns) {
@@ -79,7 +80,7 @@ export class Plots {
     if (plot.limit) data.push(x.map(() => intervalMs));
     one.chart ??= this.make(one);
     one.chart.setData(data);
-    const [caption, words] = [newest(plot, shown, intervalMs), course(plot, shown, x)];
+    const [caption, words] = [newest(plot, shown, intervalMs, over), course(plot, shown, x)];
     if (one.caption.textContent !== caption) one.caption.textContent = caption;
     if (one.words.textContent !== words) one.words.textContent = words;
   }
@@ -112,9 +113,12 @@ function span([low, high]) {
 function decades(chart, least, most) { return least === null ? [0.1, 10] : window.uPlot.rangeLog(least, most, 10, true); }
 
 // The first is drawn through, the other one dashed.
-function newest(plot, rows, intervalMs) {
-  const row = rows[rows.length - 1] ?? [];
-  const said = plot.columns.map(([, column]) => (known(row[column]) ? row[column].toPrecision(3) : "none"));
+// Of a run that is over the last value is shown that there was.
+function newest(plot, rows, intervalMs, over) {
+  const said = plot.columns.map(([, column]) => {
+    const row = over ? rows.findLast((one) => known(one[column])) : rows[rows.length - 1];
+    return known(row?.[column]) ? row[column].toPrecision(3) : "none";
+  });
   if (plot.limit) said.push(intervalMs);
   return `${plot.title} (${plot.unit}): ${said.join(", dashed ")}`;
 }
