@@ -45,7 +45,11 @@ class Licence(NamedTuple):
     copyleft: Copyleft
 
 
-READ_BY_A_PERSON = {"cvxopt": "GPL-3.0-or-later", "lcm": "LGPL-2.1-or-later"}
+READ_BY_A_PERSON = {
+    "axe-playwright-python": "MIT AND MPL-2.0",
+    "cvxopt": "GPL-3.0-or-later",
+    "lcm": "LGPL-2.1-or-later",
+}
 """Licences that the metadata do not say, as the files of these parts do."""
 
 _STRONG = re.compile(r"\bA?GPL|GNU (Affero )?General Public", re.IGNORECASE)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.age import is_current
-from koopman_lab.bus.channel import Channel
+from koopman_lab.bus.channel import OPERATOR, Channel
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabError
@@ -102,6 +102,8 @@ class RobotView:
         self.assumed = not known
         """Whether the configuration is that of the page, and nobody has said it."""
         self._heard_us: int | None = None
+        self._spoken_us = 0
+        """When somebody spoke last who is more than a command that tells of its processes (us)."""
         self._row_due_us = 0
         self._tables: _Tables | None = None
 
@@ -109,6 +111,8 @@ class RobotView:
         """Take a message of this robot, which its stream has taken before."""
         suffix = channel.suffix
         self._streams[suffix] = stream
+        if channel is not channels.PROCESS and channel.publisher != OPERATOR:
+            self._spoken_us = arrived_us
         self._append_row_if_due(arrived_us)
         self.replay_detection.judge(channel, stream.utime, arrived_us)
         latest = self._latest.get(suffix)
@@ -186,7 +190,7 @@ class RobotView:
         drive = self._drives.newest(now_us)
         state = robot_state(
             now_us,
-            gone=now_us - (self._heard_us or 0) > REPLAY_MEMORY_S * US_PER_S,
+            gone=now_us - self._spoken_us > REPLAY_MEMORY_S * US_PER_S,
             replay=replayed or over,
             status=status,
             drive=drive,

@@ -3,10 +3,9 @@
 import contextlib
 
 import pytest
+from browser.patience import PATIENCE_MS
 
 from offboard.bench.browser import browser, visit
-
-PATIENCE_MS = 60_000
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import socket
 import subprocess
 
 import pytest
-from browser.conftest import PATIENCE_MS
+from browser.patience import PATIENCE_MS
 from klab import KLAB, MODEL, REFERENCE, alive, start_klab
 from playwright.sync_api import expect
 from real_bus import other

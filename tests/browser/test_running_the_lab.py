@@ -1,40 +1,20 @@
 """The page runs the lab: what it starts, what it offers, and whether everybody can read it."""
 
-import os
 import re
 import shutil
 import signal
 import socket
-import subprocess
-from contextlib import contextmanager
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from browser.conftest import PATIENCE_MS
-from klab import KLAB, MODEL
+from browser.patience import PATIENCE_MS
+from klab import MODEL, start_klab
 from playwright.sync_api import expect
+from viewer.page_server import serving
 
 DESK, PHONE = {"width": 1366, "height": 768}, {"width": 360, "height": 740}
 SCREENS = [(DESK, "light"), (DESK, "dark"), (PHONE, "light"), (PHONE, "dark")]
 DRIVE_MS = 120_000
-URL = f"bus.url={os.environ['LCM_DEFAULT_URL']}"
-
-
-@contextmanager
-def viewing(folder, *arguments):
-    """Serve the page from a folder; give the addresses that it prints."""
-    process = subprocess.Popen(
-        [*KLAB, "view", "--set", URL, "--port", "0", *arguments],
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=folder,
-    )
-    try:
-        lines = [process.stderr.readline() for _ in range(2 if arguments else 1)]
-        yield [re.search(r"http://\S+", line).group() for line in lines]
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=60)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +44,7 @@ def require_no_scrolling(page):
 
 
 def test_a_robot_is_parked_from_the_page_and_what_it_came_to_is_kept(opened, folder):
-    with viewing(folder) as (address,):
+    with serving(cwd=folder) as (_, address):
         page = opened(address, viewport=DESK)
         word, first = page.locator("#word"), page.locator("#runs li").first
         expect(page.locator("#line")).to_have_text("no robot is heard", timeout=PATIENCE_MS)
@@ -98,7 +78,7 @@ def test_a_robot_is_parked_from_the_page_and_what_it_came_to_is_kept(opened, fol
         seconds = int(re.match(r"Over (\d+) s\. measured: from .* m/s", words).group(1))
         assert 2 <= seconds <= 30
     # Another page, later: the history is read from the disk, with what the run used.
-    with viewing(folder) as (address,):
+    with serving(cwd=folder) as (_, address):
         page = opened(address, viewport=DESK)
         first = page.locator("#runs li").first
         expect(first.locator(".chip")).to_have_text("parked", timeout=PATIENCE_MS)
@@ -112,11 +92,11 @@ def standing(folder):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    up = [*KLAB, "up", "--view", "--port", str(port), "--robot-name", "R4", "--out", "runs/up"]
-    process = subprocess.Popen(up, stderr=subprocess.DEVNULL, cwd=folder)
+    up = ("up", "--view", "--port", port, "--robot-name", "R4", "--out", "runs/up")
+    process = start_klab(*up, cwd=folder)
     yield f"http://127.0.0.1:{port}/"
     process.send_signal(signal.SIGINT)
-    process.wait(timeout=60)
+    process.communicate(timeout=60)
 
 
 @pytest.mark.parametrize(("screen", "scheme"), SCREENS)
@@ -147,9 +127,9 @@ def test_everybody_can_read_the_page_on_every_screen(opened, standing, screen, s
 
 @pytest.mark.usefixtures("standing")
 def test_a_watchers_page_offers_nothing_and_says_so(opened, folder):
-    with viewing(folder, "--host", "0.0.0.0") as addresses:
-        watching = re.sub(r"//[^:]+", "//127.0.0.1", addresses[1])
-        page = opened(watching, viewport=DESK)
+    with serving("--host", "0.0.0.0", cwd=folder) as (process, _):
+        watching = re.search(r"watch only: http://[^:]+(\S+)", process.stderr.readline()).group(1)
+        page = opened(f"http://127.0.0.1{watching}", viewport=DESK)
         expect(page.locator("#word")).to_have_text("idle", timeout=PATIENCE_MS)
         expect(page.locator("#stop")).to_have_class("dead")
         expect(page.locator("#stop")).to_contain_text("this address only watches")

@@ -56,7 +56,8 @@ export class Plots {
   times(rows, drive) {
     const end = rows.length ? rows[rows.length - 1][T] : 0;
     if (this.choice !== RUN) return [end - Number(this.choice), end, end];
-    if (!drive) return [end - SHORT_S, end, end];
+    const forgotten = drive?.ended_s && rows[0]?.[T] > drive.ended_s; // rows go back two minutes
+    if (!drive || forgotten) return [end - SHORT_S, end, end];
     const last = drive.ended_s ?? end;
     return [Math.max(drive.began_s, rows[0]?.[T] ?? 0), Math.max(last, drive.began_s + LEAST_S), drive.began_s];
   }
@@ -67,7 +68,7 @@ export class Plots {
     const shown = rows.filter((row) => row[T] >= from && row[T] <= to + 0.1);
     const x = shown.map((row) => row[T] - zero);
     this.range = [from - zero, to - zero];
-    const over = this.choice === RUN && Boolean(drive?.ended_s);
+    const over = this.choice === RUN && drive?.ended_s && to !== zero;
     return this.made.map((one) => () => this.draw(one, shown, x, intervalMs, over));
   }
 
