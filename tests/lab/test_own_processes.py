@@ -61,7 +61,10 @@ def module_path(tmp_path):
         (["-m", "offboard.cli.main", "run", "onboard"], ["run", "onboard"]),
         (["-X", "utf8", "-m", "offboard.cli.main"], []),
         (["offboard/cli/main.py", "down"], ["down"]),
-        (["-P", "-m", "offboard.cli.end_with_parent", "7", "park", "--seed", "1"], ["park", "--seed", "1"]),
+        (
+            ["-P", "-m", "offboard.cli.end_with_parent", "7", "park", "--seed", "1"],
+            ["park", "--seed", "1"],
+        ),
     ],
 )
 def test_python_that_runs_klab_is_klab(tmp_path, started, words, arguments):
