@@ -51,8 +51,11 @@ export class Orders {
   // A STOP that cannot work looks so: nobody is to trust it.
   showStop(unheard) {
     const { robots, mayOrder } = this.lab();
-    const living = Object.values(robots).filter((robot) => robot.state.tone !== "gone" && !robot.replay);
-    const dead = unheard || (mayOrder ? "" : "this address only watches") || (living.length ? "" : "no robot is heard");
+    const speaking = Object.values(robots).filter((robot) => robot.state.tone !== "gone");
+    const silent = speaking.length ? "" : "no robot is heard";
+    // A robot looks like a log where this computer's clock is wrong, and may well obey.
+    const log = speaking.every((robot) => robot.replay) ? "only a log is heard, unless a clock is wrong" : "";
+    const dead = unheard || (mayOrder ? "" : "this address only watches") || silent || log;
     const note = dead ? `${dead}: use klab estop, or cut the power` : "every robot \u00b7 space bar";
     const button = get("stop");
     button.classList.toggle("dead", Boolean(dead));
