@@ -49,6 +49,7 @@ class Licence(NamedTuple):
 
 READ_BY_A_PERSON = {
     "apsw": "zlib-acknowledgement OR MIT",  # or any that the OSI approves
+    "axe-playwright-python": "MIT AND MPL-2.0",
     "cvxopt": "GPL-3.0-or-later",
     # What its metadata call GPL is a mode for Emacs, which is not in what is installed.
     "docutils": "public domain AND BSD-2-Clause AND BSD-3-Clause",

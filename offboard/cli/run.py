@@ -281,4 +281,10 @@ def view(
     """
     lab = options.resolve(config, None, None)
     listening = listen(host, port) if socket_fd is None else socket.socket(fileno=socket_fd)
-    serve(lab, listening, token_for(host), lifeline_fd, robot_known=True)
+    for_jobs = [] if config is None else ["--config", str(config.absolute())]
+    known = config is not None
+    serve(
+        *(lab, listening, token_for(host), for_jobs, lifeline_fd),
+        as_configured=known,
+        robot_known=True,
+    )

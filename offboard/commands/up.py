@@ -13,7 +13,17 @@ import typer
 
 from koopman_lab.bus.processes import PROCESSES
 from koopman_lab.robots.table import robot_type
-from offboard.commands.view import HOST, PORT, TOKEN, Host, Port, addresses, listen, token_for
+from offboard.commands.view import (
+    HOST,
+    PORT,
+    TOKEN,
+    Host,
+    Port,
+    addresses,
+    listen,
+    show_watching,
+    token_for,
+)
 from offboard.lab.run_folder import new_folder
 from offboard.terminal import options
 from offboard.terminal.choices import name_option
@@ -27,6 +37,8 @@ if TYPE_CHECKING:
 PAGE_LIMIT_S = 30.0
 """As long as other processes may take to start."""
 WAIT_S = 0.1
+DIED = 2
+"""Exit code where a process died, as for every expected mistake."""
 
 
 @needs("desk", "--view", lambda options: options["view"])
@@ -55,9 +67,10 @@ def up(
     """Run plant, onboard loop and logger as supervised processes until Ctrl-C or `klab down`.
 
     If one dies, the robot stops, the others are ended, and its last lines are shown: nothing is
-    started again behind your back. Each process is asked to end by SIGINT, after 3 s by SIGTERM,
-    after 3 s more by SIGKILL. Nodes of other packages (--with) run in the same way and on the same
-    configuration; one that commands the robot may end by itself.
+    started again behind your back. A page (--view) stays until Ctrl-C and says who died. Each
+    process is asked to end by SIGINT, after 3 s by SIGTERM, after 3 s more by SIGKILL. Nodes of
+    other packages (--with) run in the same way and on the same configuration; one that commands
+    the robot may end by itself.
 
     Example: klab up --robot dynamic --robot-name R2
     """
@@ -79,7 +92,8 @@ def up(
             )
     try:
         with contextlib.ExitStack() as stack:
-            stack.enter_context(lab_lock(lab_config))
+            lock = stack.enter_context(contextlib.ExitStack())
+            lock.enter_context(lab_lock(lab_config))
             page = stack.enter_context(listen(host, port)) if view else None
             listener = options.listen(lab_config)
             present = present_nodes(listener) & stopping(Stop.BOARD, Stop.HARDWARE)
@@ -103,8 +117,16 @@ def up(
             err.print(
                 f"Ctrl-C ends it; `klab calibrate` and `klab park`{same} in another terminal use it"
             )
-            with status_line() as show:
-                _show_until_interrupted(listener, lab, show)
+            try:
+                with status_line() as show:
+                    _show_until_interrupted(listener, lab, show)
+            except LabStateError as death:
+                if page is None:
+                    raise
+                err.print(f"klab: {death}")
+                lab.stop_lab()
+                lock.close()
+                _keep_page(listener, lab)
     except KeyboardInterrupt:
         err.print("stopped")
         raise typer.Exit(130) from None
@@ -135,6 +157,18 @@ def _start_page(listener: Listener, lab: Supervisor, page: socket.socket, host: 
         else:
             raise LabStateError(f"view: no answer on port {address[1]} within {PAGE_LIMIT_S:g} s")
     err.print(f"page: {' or '.join(addresses(page, token))}")
+    show_watching(page, token)
+
+
+def _keep_page(listener: Listener, lab: Supervisor) -> None:
+    """Let the page be until it is interrupted: it says who died, and may start the robot anew."""
+    err.print("the page stays until Ctrl-C; it can start the robot anew")
+    try:
+        while True:
+            listener.spin(WAIT_S)
+            lab.check()
+    except KeyboardInterrupt:
+        raise typer.Exit(DIED) from None
 
 
 def _show_until_interrupted(

@@ -8,6 +8,7 @@ import os
 import secrets
 import socket
 import struct
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -52,12 +53,21 @@ def view(
     host: Host = HOST,
     port: Port = PORT,
 ) -> None:
-    """Serve a page that shows every robot on the bus, sets goals and stops them, until Ctrl-C.
+    """Serve a page that shows every robot on the bus and runs the lab, until Ctrl-C.
+
+    It stops robots, lets them go and sends them to goals, and starts calibrate, train, park,
+    reference and replay, one after the other, with --config and --set of this command. What
+    it starts leaves its run folders in runs/ of this folder, and ends with the page.
+
+    With --host other machines reach it: by one address to operate the lab, by another to watch.
 
     Example: klab view --port 8765
     """
     lab = options.resolve(config, overrides, robot, url=url)
-    serve(lab, listen(host, port), token_for(host))
+    for_jobs = [*(["--config", str(config.absolute())] if config else [])]
+    for override in overrides or ():
+        for_jobs += ["--set", override]
+    serve(lab, listen(host, port), token_for(host), for_jobs, as_configured=config is not None)
     raise typer.Exit(INTERRUPTED)
 
 
@@ -65,8 +75,10 @@ def serve(
     config: LabConfig,
     listening: socket.socket,
     token: str | None,
+    for_jobs: Sequence[str] = (),
     lifeline_fd: int | None = None,
     *,
+    as_configured: bool = False,
     robot_known: bool = False,
 ) -> None:
     """Serve the page until SIGINT, SIGTERM, or the end of the lifeline.
@@ -79,6 +91,8 @@ def serve(
         From :func:`listen`.
     token
         From :func:`token_for`.
+    for_jobs, as_configured
+        Options and ``as_configured`` of :class:`~offboard.lab.job_runner.JobRunner`.
     lifeline_fd
         As for :func:`~koopman_lab.bus.realtime.run_node`.
     robot_known
@@ -93,15 +107,17 @@ def serve(
 
     import uvicorn
 
+    from offboard.lab.job_runner import JobRunner
     from offboard.viewer.guard import Guard
     from offboard.viewer.operator_desk import OperatorDesk
     from offboard.viewer.protocols import HEADERS, LARGEST_HEAD, LimitedSocket, limited
     from offboard.viewer.server import LARGEST_FRAME, Server
 
     desk = OperatorDesk(config, robot_known=robot_known)
+    jobs = JobRunner(config, for_jobs, as_configured=as_configured, secrets=[TOKEN])
 
     async def run() -> None:
-        server = Server(desk, Guard(token), lambda line: err.print(line))
+        server = Server(desk, Guard(token), lambda line: err.print(line), jobs)
         settings = uvicorn.Config(
             server.app,
             http=limited(server.note_refusal),
@@ -125,6 +141,7 @@ def serve(
             loop.add_reader(lifeline_fd, lambda: setattr(http, "should_exit", True))
         shown = " or ".join(addresses(listening, token))
         err.print(f"the lab on {config.bus.url} is shown at {shown}")
+        show_watching(listening, token)
         await http.serve([listening])
 
     # uvicorn ends cleanly on a signal, then raises it once more.
@@ -179,6 +196,15 @@ def addresses(listening: socket.socket, token: str | None) -> list[str]:
     hosts = [socket.gethostname(), *_own_addresses()] if host in EVERYWHERE else [host]
     query = "" if token is None else f"?token={token}"
     return [f"http://{f'[{h}]' if ':' in h else h}:{port}/{query}" for h in hosts]
+
+
+def show_watching(listening: socket.socket, token: str | None) -> None:
+    """Print the addresses of who is only to watch, where others can reach the page."""
+    from offboard.viewer.guard import watching_token
+
+    if token is not None:
+        shown = " or ".join(addresses(listening, watching_token(token)))
+        err.print(f"to watch only: {shown}")
 
 
 def _own_addresses() -> list[str]:

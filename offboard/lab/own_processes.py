@@ -10,6 +10,8 @@ import os
 from pathlib import Path
 
 MODULE, SCRIPT = "offboard.cli.main", "klab"
+GUARDED_MODULE = "offboard.cli.end_with_parent"
+"""Runs the same for as long as who started it lives; its first argument is none of `klab`."""
 OPTIONS_WITH_VALUE = ("-W", "-X")
 """Of Python; the value stands apart."""
 
@@ -33,6 +35,8 @@ def klab_arguments(pid: int) -> list[str] | None:
         rest = rest[2:] if rest[0] in OPTIONS_WITH_VALUE else rest[1:]
     if rest[:2] == ["-m", MODULE]:
         return rest[2:]
+    if rest[:2] == ["-m", GUARDED_MODULE]:
+        return rest[3:]
     if rest and (Path(rest[0]).name == SCRIPT or rest[0].endswith("offboard/cli/main.py")):
         return rest[1:]
     return None

@@ -204,12 +204,12 @@ def last_lines(file: Path) -> list[str]:
 
 
 def _notes_left_behind(url: str) -> Iterator[tuple[Path, _Note]]:
-    """Give the notes on a bus whose command has ended, but not as it should."""
+    """Give the notes on a bus whose command has ended, but not as it should, or whose lab has."""
     for file in sorted((cache_folder() / FOLDER).glob("*.json")):
         note = _read(file)
         if note is None or note.bus != url:
             continue
-        if not (alive(note.supervisor_pid) and is_klab(note.supervisor_pid)):
+        if note.died or not (alive(note.supervisor_pid) and is_klab(note.supervisor_pid)):
             yield file, note
 
 

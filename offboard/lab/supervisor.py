@@ -155,23 +155,43 @@ class Supervisor:
 
     def stop(self) -> None:
         """Stop all children in order: SIGINT, then SIGTERM, then SIGKILL, 3 s each; say so."""
-        for name in sorted(self._children, key=lambda name: process(name).stops):
+        for name in self._in_order():
             if process(name).stops is Stop.ONLOOKER and any(
                 state == lcmtypes.process_t.DIED for state, _ in self._ended.values()
             ):
                 time.sleep(ONLOOKER_S)
-            killed = end_child(self._children[name])
-            code = self._children[name].returncode
-            how = KILLED if killed else "" if code is None else exit_text(code)
-            self._note_end(name, lcmtypes.process_t.FINISHED, how)
-            if killed:
-                with contextlib.suppress(OSError):  # of a terminal that was closed
-                    err.print(f"{name} did not end by itself: {KILLED}")
-            self._announce()
+            self._end(name)
         self._announce(FAREWELLS)
         self._note.close()
         os.close(self._lifeline_write)
         os.close(self._lifeline_read)
+
+    def stop_lab(self) -> None:
+        """Stop the children as :meth:`stop` does, but for those that only look on.
+
+        From then on the others are spoken of no more: somebody may start them anew.
+        """
+        stopped = [name for name in self._in_order() if process(name).stops is not Stop.ONLOOKER]
+        for name in stopped:
+            self._end(name)
+        self._announce(FAREWELLS)
+        for name in stopped:
+            del self._children[name]
+            del self._ended[name]
+
+    def _in_order(self) -> list[str]:
+        return sorted(self._children, key=lambda name: process(name).stops)
+
+    def _end(self, name: str) -> None:
+        """Stop one child; say so."""
+        killed = end_child(self._children[name])
+        code = self._children[name].returncode
+        how = KILLED if killed else "" if code is None else exit_text(code)
+        self._note_end(name, lcmtypes.process_t.FINISHED, how)
+        if killed:
+            with contextlib.suppress(OSError):  # of a terminal that was closed
+                err.print(f"{name} did not end by itself: {KILLED}")
+        self._announce()
 
     def _on_heartbeat(self, name: str, beat: lcmtypes.node_status_t) -> None:
         """Take a heartbeat; the logger of another command is none of ours."""

@@ -59,6 +59,14 @@ class LabView:
         """Return in words on which channels messages were not believed lately; empty for none."""
         return refusal_line(self._streams.refused_since(now_us - round(LEFT_OUT_S * US_PER_S)))
 
+    def kinds_alive(self, now_us: int) -> dict[str, str]:
+        """Return by name the kinds of the robots that are alive; empty where nobody knows it."""
+        return {
+            name: "" if robot.assumed else robot.config.robot.kind
+            for name, robot in self.robots.items()
+            if robot.alive(now_us) and not robot.replayed(now_us)
+        }
+
     def snapshot(self, now_us: int) -> dict[str, Any]:
         """Return what every page shows now: by robot, all but the histories."""
         shown = {name: self.robots[name].snapshot(now_us) for name in sorted(self.robots)}

@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.bus.age import is_current
-from koopman_lab.bus.channel import Channel
+from koopman_lab.bus.channel import OPERATOR, Channel
 from koopman_lab.config.load import parse_config
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabError
 from koopman_lab.units import US_PER_S
 from offboard.monitor import headline
 from offboard.monitor.collected_segments import CollectedSegments, Point
+from offboard.monitor.drives import Drives
 from offboard.monitor.history import History
 from offboard.monitor.json_values import (
     config_facts,
@@ -30,6 +31,7 @@ from offboard.monitor.plot_row import PlotRow, plot_row
 from offboard.monitor.process_states import ALIVE, FINISHED, SILENT, ProcessState, ProcessStates
 from offboard.monitor.replay_detection import REPLAY_MEMORY_S, ReplayDetection
 from offboard.monitor.replay_progress import ReplayProgress
+from offboard.monitor.robot_state import drive_times, robot_state
 from offboard.monitor.streams import Stream, identity_lines
 
 ROW_S = 0.04
@@ -78,6 +80,7 @@ class RobotView:
         self.replay_progress = ReplayProgress()
         self.collected = CollectedSegments()
         self.rows: History[PlotRow] = History(MOST_ROWS)
+        self._drives = Drives()
         self._streams: dict[str, Stream] = {}
         self._pose = LatestMessage(channels.MOCAP_POSE)
         self._wheels = LatestMessage(channels.WHEEL_STATE)
@@ -98,8 +101,11 @@ class RobotView:
         self._config_yaml = ""
         self._config_trouble = ""
         self._learned_us: int | None = None
-        self._assumed = not known
+        self.assumed = not known
+        """Whether the configuration is that of the page, and nobody has said it."""
         self._heard_us: int | None = None
+        self._spoken_us = 0
+        """When somebody spoke last who is more than a command that tells of its processes (us)."""
         self._row_due_us = 0
         self._tables: _Tables | None = None
 
@@ -111,6 +117,8 @@ class RobotView:
         if self.replay_progress.take(channel, data, arrived_us, streams):
             return
         self._streams[suffix] = stream
+        if channel is not channels.PROCESS and channel.publisher != OPERATOR:
+            self._spoken_us = arrived_us
         self._append_row_if_due(arrived_us)
         self.replay_detection.judge(channel, stream.utime, arrived_us)
         latest = self._latest.get(suffix)
@@ -118,11 +126,14 @@ class RobotView:
             latest.take(data, arrived_us)
             if latest is self._info:
                 self._learn_config(arrived_us)
+            else:
+                self._follow_drive(latest, arrived_us)
         elif channel is channels.SAMPLER_STATE:
             self._sampler.take(data, arrived_us)
             state = self._sampler.read()
             if state is not None:
                 self.collected.take(state, self._position(arrived_us))
+                self._drives.take_sampler(state, arrived_us)
         elif channel is channels.PROCESS:
             report = LatestMessage(channels.PROCESS)
             report.take(data, arrived_us)
@@ -182,10 +193,21 @@ class RobotView:
         over = self.replay_detection.replay_over(now_us)
         lost_view = pose is not None and not pose.tracking_valid
         tables = self._tables_of(now_us)
-        interlock = self._interlock.young(now_us, YOUNG_S)
-        obstacle = f"not driven: {interlock.reason}" if interlock and interlock.reason else ""
+        waiting = self._waiting(now_us)
+        obstacle = f"not driven: {waiting}" if waiting else ""
         trouble = [line for line in (obstacle, self._config_trouble) if line]
+        drive = self._drives.newest(now_us)
+        state = robot_state(
+            now_us,
+            gone=now_us - self._spoken_us > REPLAY_MEMORY_S * US_PER_S,
+            replay=replayed or over,
+            status=status,
+            drive=drive,
+            waiting=waiting,
+        )
         return {
+            "state": state._asdict(),
+            "drive": drive_times(drive),
             "line": self._headline(now_us, tables.entries, status, mpc, sampler),
             "banners": headline.banners(tables.entries, tables.stale, lost_view=lost_view)
             + tables.identity_lines
@@ -207,10 +229,22 @@ class RobotView:
             "horizon": [] if mpc is None else predicted_points(mpc),
             "sampler": None if sampler is None else sampler_progress(sampler),
             **self._config_facts,
-            "assumed": self._assumed,
+            "assumed": self.assumed,
             "channels": tables.channels,
             "processes": tables.processes,
         }
+
+    def _waiting(self, now_us: int) -> str:
+        """Return why whoever commands does not drive, in words; empty if nothing forbids it."""
+        interlock = self._interlock.young(now_us, YOUNG_S)
+        return "" if interlock is None else interlock.reason
+
+    def _follow_drive(self, latest: LatestMessage[Any], now_us: int) -> None:
+        """Look at a message of whoever drives."""
+        if latest is self._mpc and (step := self._mpc.read()) is not None:
+            self._drives.take_mpc(step, now_us, self._waiting(now_us))
+        elif latest is self._reference and (state := self._reference.read()) is not None:
+            self._drives.take_reference(state, now_us)
 
     def _learn_config(self, now_us: int) -> None:
         if self._learned_us is not None and is_current(self._learned_us, now_us, LEARNS_US):
@@ -223,7 +257,7 @@ class RobotView:
         try:
             self.config = parse_config(info.config_yaml, channels.SESSION_INFO.name(self.name))
             self._config_facts = config_facts(self.config)
-            self._assumed = False
+            self.assumed = False
         except LabError:
             self._config_trouble = (
                 "the session's configuration is none of this version; sets and limits shown are "
@@ -285,7 +319,7 @@ class RobotView:
 
     def _assumption(self) -> str:
         """Return what to add while nobody drives: a session says its configuration, a lab none."""
-        return "; size and sets as this viewer assumes" if self._assumed else ""
+        return "; size and sets as this viewer assumes" if self.assumed else ""
 
     def _stale_streams(
         self, now_us: int, entries: list[ProcessState]

@@ -105,12 +105,8 @@ class OperatorDesk:
             return
         robot = self._robot(request.robot, stopping=request.do == STOP)
         now_us, armed = self.now_us(), (page, robot.name)
-        age_s = 0.0 if request.seen_us is None else (now_us - request.seen_us) / US_PER_S
-        if request.do != STOP and age_s > OLDEST_PICTURE_S:
-            raise LabStateError(
-                f"{robot.name}: not done, since it was asked for on a picture {age_s:.0f} s old; "
-                "look, and ask again"
-            )
+        if request.do != STOP:
+            self.require_fresh(request)
         if request.do == STOP:
             # Nothing that was ordered before may undo it.
             for key in [key for key in self._orders if key[0] == robot.name]:
@@ -145,6 +141,22 @@ class OperatorDesk:
             move = goal_order(request.goal, robot.config, lambda: robot.mpc(self.now_us()))
             x1, x2, _ = request.goal
             self._begin(robot.name, GOAL, move, reply, f"goal ({x1:.2f}, {x2:.2f}) m")
+
+    def require_fresh(self, request: Request) -> None:
+        """Refuse what was asked for on an old picture of the lab.
+
+        Raises
+        ------
+        LabStateError
+            If it was.
+        """
+        age_s = 0.0 if request.seen_us is None else (self.now_us() - request.seen_us) / US_PER_S
+        if age_s > OLDEST_PICTURE_S:
+            prefix = f"{request.robot}: " if request.robot else ""
+            raise LabStateError(
+                f"{prefix}not done, since it was asked for on a picture {age_s:.0f} s old; "
+                "look, and ask again"
+            )
 
     def forget(self, page: object) -> None:
         """Forget a page that is gone."""

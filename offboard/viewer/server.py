@@ -27,14 +27,23 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from koopman_lab.errors import LabError
+from koopman_lab.errors import LabError, LabStateError
 from offboard.desk.orders import WAIT_S
 from offboard.monitor.lab_view import Marks
 from offboard.viewer.guard import Guard
+from offboard.viewer.jobs import Jobs
 from offboard.viewer.operator_desk import OperatorDesk
 from offboard.viewer.protocols import HEADERS, LARGEST_HEAD
 from offboard.viewer.refusals import Refusals
-from offboard.viewer.request import LARGEST_BYTES, RequestError, parse_request
+from offboard.viewer.request import (
+    LARGEST_BYTES,
+    OF_JOBS,
+    START,
+    STOP,
+    Request,
+    RequestError,
+    parse_request,
+)
 
 PAGE = Path(__file__).parent / "page"
 SNAPSHOT_S = 0.05
@@ -51,7 +60,13 @@ BROKEN = {
 """What the web server itself refuses, by the number it closes the connection with."""
 BAD_REQUEST = 400
 UNKNOWN = "unknown client"
+LOOK_S = 5.0
+"""So often it is looked what lies in the folder of runs, while somebody watches."""
+WATCHES = "this address only watches; the operator's, which `klab view` printed as well, steers"
+NO_JOBS = "this page starts nothing"
 Log = Callable[[str], None]
+PageMarks = tuple[Marks, int, bool]
+"""What a page wants next of the histories, which version of the runs it has, if it may order."""
 
 
 class _Limits:
@@ -84,17 +99,22 @@ class Server:
         Says who is let in.
     log
         Takes lines about requests that were refused.
+    jobs
+        Starts things; None for a page that only shows and steers.
     """
 
-    def __init__(self, desk: OperatorDesk, guard: Guard, log: Log) -> None:
+    def __init__(
+        self, desk: OperatorDesk, guard: Guard, log: Log, jobs: Jobs | None = None
+    ) -> None:
         self._desk = desk
+        self._jobs = jobs
         self._guard = guard
         self._refusals = Refusals(log)
         self._clients = 0
         self._repeating = False
         self._tick = asyncio.Event()
         self._snapshot_text = "{}"
-        self._updates: dict[Marks, tuple[str, Marks]] = {}
+        self._updates: dict[PageMarks, tuple[str, PageMarks]] = {}
         self._pending: set[asyncio.Task[None]] = set()
         routes = [
             Route("/", self._page),
@@ -109,7 +129,9 @@ class Server:
     @contextlib.asynccontextmanager
     async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
         del app
-        work = asyncio.create_task(self._serve_snapshots())
+        work = [asyncio.create_task(self._serve_snapshots())]
+        if self._jobs is not None:
+            work.append(asyncio.create_task(self._look_for_runs(self._jobs)))
         # Of what is no HTTP the web server tells nobody but its log.
         log = logging.getLogger("uvicorn.error")
         level = log.level
@@ -121,9 +143,13 @@ class Server:
             log.removeFilter(self._take_server_log)
             log.setLevel(level)
             self._refusals.work(math.inf)
-            work.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await work
+            for task in work:
+                task.cancel()
+            for task in work:
+                with contextlib.suppress(asyncio.CancelledError):
+                    await task
+            if self._jobs is not None:
+                await self._jobs.close()
 
     async def _serve_snapshots(self) -> None:
         """Again and again empty the bus, and let everybody have a snapshot of what it brought."""
@@ -132,8 +158,11 @@ class Server:
         while True:
             self._desk.repeat_orders()
             self._refusals.work(clock())
+            now_us = self._desk.now_us()
+            if self._jobs is not None:
+                self._jobs.heard(self._desk.view.kinds_alive(now_us))
+                self._jobs.step()
             if self._clients:
-                now_us = self._desk.now_us()
                 robots = json.dumps(self._desk.view.snapshot(now_us), allow_nan=False)
                 trust = json.dumps([self._desk.key_text, self._desk.view.refusals(now_us)])
                 self._snapshot_text = f'"now_us":{now_us},"robots":{robots},"trust":{trust}'
@@ -143,6 +172,12 @@ class Server:
             # Absolute, so that work does not add up; what is late is skipped, never caught up.
             due_s = max(due_s + SNAPSHOT_S, clock())
             await asyncio.sleep(due_s - clock())
+
+    async def _look_for_runs(self, jobs: Jobs) -> None:
+        while True:
+            if self._clients:
+                await jobs.look()
+            await asyncio.sleep(LOOK_S)
 
     async def _repeat_orders(self) -> None:
         """Say orders again more often than there are snapshots, as long as one is not obeyed."""
@@ -192,16 +227,25 @@ class Server:
 
     async def _feed(self, socket: WebSocket) -> None:
         """Send the newest snapshot whenever the client has taken the one before."""
-        marks: Marks = ()
+        marks: PageMarks = (), -1, self._guard.may_order(socket.query_params)
         while True:
             await self._tick.wait()
             update = self._updates.get(marks)
             if update is None:
-                news, following = self._desk.view.histories(marks)
-                text = f'{{{self._snapshot_text},"news":{json.dumps(news, allow_nan=False)}}}'
-                update = self._updates[marks] = text, following
+                update = self._updates[marks] = self._update(marks)
             text, marks = update
             await socket.send_text(text)
+
+    def _update(self, marks: PageMarks) -> tuple[str, PageMarks]:
+        """Return what a page does not have yet, and what it wants next."""
+        rows, version, may_order = marks
+        news, following = self._desk.view.histories(rows)
+        text = f'{self._snapshot_text},"news":{json.dumps(news, allow_nan=False)}'
+        text += f',"may_order":{json.dumps(may_order)}'
+        if self._jobs is not None and version != self._jobs.version:
+            version = self._jobs.version
+            text += f',"jobs":{json.dumps(self._jobs.as_json(), allow_nan=False)}'
+        return f"{{{text}}}", (following, version, may_order)
 
     async def _listen(self, socket: WebSocket) -> None:
         """Take requests until the client goes, or sends what no page sends."""
@@ -224,11 +268,27 @@ class Server:
                 return
             reply = partial(self._reply, socket, request.robot)
             try:
+                if not self._guard.may_order(socket.query_params):
+                    raise LabStateError(WATCHES)
+                if request.do in OF_JOBS:
+                    reply(True, self._order_job(request))
+                    continue
+                if request.do == STOP and self._jobs is not None:
+                    self._jobs.withdraw("STOP was pressed")
                 self._desk.handle(request, socket, reply)
                 self._run_beside(self._repeat_orders())
             except LabError as error:
                 self._note_refusal(socket, "order", str(error))
                 reply(False, str(error))
+
+    def _order_job(self, request: Request) -> str:
+        """Start something or end it; return what to say of it."""
+        if self._jobs is None:
+            raise LabStateError(NO_JOBS)
+        if request.do == START:
+            self._desk.require_fresh(request)
+            return self._jobs.start(request.task, request.values)
+        return self._jobs.remove(request.number)
 
     def _reply(self, socket: WebSocket, robot: str, good: bool, reply_text: str) -> None:
         async def send() -> None:

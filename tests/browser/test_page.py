@@ -1,13 +1,14 @@
 """The page in a real browser, with the lab as it runs behind it."""
 
-import contextlib
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
 
 import pytest
+from browser.patience import PATIENCE_MS
 from klab import KLAB, MODEL, REFERENCE, alive, start_klab
 from playwright.sync_api import expect
 from real_bus import other
@@ -15,20 +16,13 @@ from real_bus import other
 from koopman_lab.bus.channels import ESTOP, HEARTBEATS, PROCESS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
-from offboard.bench.browser import browser, visit
 from offboard.bench.stop_timer import StopTimer
 
-PATIENCE_MS = 60_000
 WAIT_S = 0.05
 ROBOT = "R2"
 """The log in tests/data/reference is of R1, so that a replay of it may share the bus."""
 SECOND = "R3"
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    with browser() as found:
-        yield found
+TASKS = ("Park", "Calibrate", "Train", "Reference", "Replay")
 
 
 @pytest.fixture(scope="module")
@@ -39,27 +33,14 @@ def lab(tmp_path_factory):
         port = free.getsockname()[1]
     url = f"bus.url={os.environ['LCM_DEFAULT_URL']}"
     bus = Listener(load_config(overrides=[url, f"robot.name={ROBOT}"]))
-    out = tmp_path_factory.mktemp("runs") / "up"
-    process = start_klab("up", "--robot-name", ROBOT, "--view", "--port", port, "--out", out)
+    folder = tmp_path_factory.mktemp("lab")
+    (folder / "runs" / "first").mkdir(parents=True)
+    shutil.copy(MODEL, folder / "runs" / "first" / "model.npz")
+    up = ("up", "--robot-name", ROBOT, "--view", "--port", port, "--out", "runs/up")
+    process = start_klab(*up, cwd=folder)
     yield f"http://127.0.0.1:{port}/", bus
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=60)
-
-
-@pytest.fixture
-def opened(chromium):
-    """Give what opens a page as soon as it is served; a page left open would go on to draw."""
-    with contextlib.ExitStack() as contexts:
-
-        def open_page(address, **settings):
-            context = chromium.new_context(**settings)
-            contexts.callback(context.close)
-            page = context.new_page()
-            page.set_default_timeout(PATIENCE_MS)
-            visit(page, address)
-            return page
-
-        yield open_page
 
 
 def release(page, name):
@@ -81,6 +62,7 @@ def test_a_phone_shows_everything_in_reach(opened, lab, scheme):
     expect(page.locator("#stop")).to_be_in_viewport()
     assert page.evaluate("document.documentElement.scrollWidth") <= phone["width"]
     drag = page.locator("#drag")
+    expect(drag).to_be_enabled(timeout=PATIENCE_MS)
     before = drag.is_checked()
     drag.press("Enter")
     assert drag.is_checked() is not before
@@ -109,32 +91,51 @@ def test_keyboard_and_screen_reader_reach_everything(opened, lab):
     address, _ = lab
     page = opened(address)
     expect(page.locator("#processes tbody tr").first).to_be_visible(timeout=PATIENCE_MS)
+    expect(page.locator("#start-model")).to_contain_text("first/model.npz", timeout=PATIENCE_MS)
     nodes = tree(page)
-    reached = {(role, name) for role, name, kept in nodes if kept.get("focusable")}
+    reached = {
+        (role, name) for role, name, kept in nodes if kept.get("focusable") and role != "option"
+    }
+    # Neither a release of a robot that is not stopped, nor a goal that no controller takes.
     controls = {
-        *{("radio", ROBOT), ("button", "STOP every robot · space bar"), ("button", "Release …")},
-        *{("checkbox", "Drag on the floor to set a goal"), ("checkbox", "only the last 20 s")},
-        *{("spinbutton", name) for name in ("x1 (m)", "x2 (m)", "heading (°)")},
-        ("button", "Send goal"),
-        *{("region", name) for name in ("Processes", "Channels")},
+        *{("radio", name) for name in (ROBOT, *TASKS)},
+        *{("button", name) for name in ("STOP every robot · space bar", "Start: park")},
+        ("checkbox", "Drag on the floor to set it"),
+        *{("spinbutton", name) for name in ("x1 (m)", "x2 (m)", "heading (°)", "Seed")},
+        *{("combobox", name) for name in ("Robot", "Model", "Cost", "Time axis")},
+        ("DisclosureTriangle", "What each needs, and who may stop it"),
+        *{("region", name) for name in ("Queue and history", "Processes", "Channels")},
     }
     assert reached == controls | {("RootWebArea", page.title())}
     assert page.title() == f"{ROBOT}: at rest · klab view"
     assert re.fullmatch(r"\d processes alive, .* lost", page.locator("#health").inner_text())
     names = {role: {name for kind, name, _ in nodes if kind == role} for role, _, _ in nodes}
     assert "The lab, seen by klab view" in names["heading"]
-    assert names["table"] == {"Processes", "Channels"}
+    assert names["table"] == {"Processes", "Channels"}  # a third one is folded
     assert {"process", "state", "channel", "lost"} <= names["columnheader"]
     assert {"plant", f"{ROBOT}_MOCAP_POSE"} <= names["rowheader"]
     assert "" not in names["figure"] | names["form"] | names["button"]
     (picture,) = names["image"]
-    assert re.search(rf"{ROBOT} at -?\d.*m, .*°; goal none", picture)
+    assert re.search(rf"{ROBOT} at x1 -?\d.*m, .*°; goal none", picture)
     # What changes is said: the line when there is time, a warning and an answer at once.
     live = [kept["live"] for _, _, kept in nodes if "live" in kept]
-    assert sorted(live) == ["assertive", "assertive", "polite"]
+    assert sorted(live) == ["assertive", "assertive", "polite", "polite"]
     # The keyboard comes to each of them, in the order of the page, and one sees where it is.
+    there = [
+        *("radio", "stop", "x1", "x2", "theta", "drag", "radio"),
+        *(
+            "start-robot",
+            "start-model",
+            "start-cost",
+            "start-seed",
+            "begin",
+            "runs-section",
+            "span",
+        ),
+        *("Processes", "What", "channels-section"),
+    ]
     order = []
-    for _ in range(len(controls) + 1):
+    for _ in there:
         page.keyboard.press("Tab")
         order.append(
             page.evaluate(
@@ -143,13 +144,15 @@ def test_keyboard_and_screen_reader_reach_everything(opened, lab):
                 " s.outlineStyle !== 'none' && parseFloat(s.outlineWidth) >= 2]; }"
             )
         )
-    there = [*("radio", "stop", "arm", "drag", "x1", "x2", "theta", "submit")]
-    assert [name for name, _ in order[:-1]] == [*there, "closer", "Processes", "Channels"]
-    assert all(seen for _, seen in order[:-1])
+    assert [name for name, _ in order] == there
+    assert all(seen for _, seen in order)
+    page.keyboard.press("Space")
+    expect(page.locator("#word")).to_have_text("stopped", timeout=PATIENCE_MS)
     page.locator("#arm").press("Enter")
     expect(page.locator("#release")).to_be_focused()
     page.keyboard.press("Escape")
     expect(page.locator("#arm")).to_be_focused()
+    release(page, ROBOT)
 
 
 def test_a_replay_beside_a_robot_is_marked_and_cannot_be_steered(opened, lab):
@@ -285,10 +288,11 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(opened,
     for zero_us, stood_us in (by_key, by_button):
         # In order; how soon, `klab bench stop` and tests/onboard/test_emergency_stop.py show.
         assert 0 <= zero_us <= stood_us
-    server = []
-    bus.subscribe(PROCESS, lambda told: told.name == "view" and server.append(told.pid))
-    while not server:
+    told = []
+    bus.subscribe(PROCESS, told.append)
+    while not (views := [process for process in told if process.name == "view"]):
         bus.spin(WAIT_S)
+    server, supervisors = [views[-1].pid], [views[-1].supervisor_pid]
     os.kill(server[-1], signal.SIGSTOP)
     page.keyboard.press("Space")
     expect(page.locator("#said")).to_contain_text("STOP NOT CONFIRMED", timeout=PATIENCE_MS)
@@ -308,8 +312,18 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(opened,
     expect(page.locator("#banners")).to_contain_text(
         "plant died (signal SIGKILL)", timeout=PATIENCE_MS
     )
+    expect(page.locator("#last-words")).to_contain_text("plant.log ends with")
+    # The page stays, and so does nothing that could be pressed in vain.
+    expect(page.locator("#word")).to_have_text("gone", timeout=PATIENCE_MS)
+    expect(page.locator("#stop")).to_have_class("dead")
+    expect(page.locator("#stop")).to_contain_text("no robot is heard")
+    for control in ("#arm", "#goal button"):
+        expect(page.locator(control)).to_be_disabled()
+    expect(page.locator("body")).not_to_have_class("lost")
+    os.kill(supervisors[-1], signal.SIGINT)
     expect(page.locator("#banners")).to_contain_text("no connection", timeout=PATIENCE_MS)
     expect(page.locator("body")).to_have_class("lost")
+    expect(page.locator("#stop")).to_contain_text("no connection")
     # It closes its connections before it leaves its port to the next.
     for _ in range(round(PATIENCE_MS * 1e-3 / WAIT_S)):
         if not alive(server[-1]):
@@ -322,7 +336,7 @@ def test_a_person_watches_sets_a_goal_stops_releases_and_learns_who_died(opened,
         expect(page.locator("#line")).to_have_text("no robot is heard", timeout=PATIENCE_MS)
         expect(page.locator("#banners")).to_be_hidden()
         expect(page.locator("#processes tbody tr")).to_have_count(0)
-        for control in ("#drag", "#arm", "#goal button"):
+        for control in ("#arm", "#goal button"):
             expect(page.locator(control)).to_be_disabled()
     finally:
         viewer.send_signal(signal.SIGINT)

@@ -47,6 +47,7 @@ def script(tmp_path: Path, name: str) -> Path:
 def module_path(tmp_path):
     """Make a module of the name of ours, found before it, that waits."""
     script(tmp_path, "offboard/cli/main.py")
+    script(tmp_path, "offboard/cli/end_with_parent.py")
     for folder in ("offboard", "offboard/cli"):
         (tmp_path / folder / "__init__.py").touch()
     return tmp_path
@@ -60,6 +61,10 @@ def module_path(tmp_path):
         (["-m", "offboard.cli.main", "run", "onboard"], ["run", "onboard"]),
         (["-X", "utf8", "-m", "offboard.cli.main"], []),
         (["offboard/cli/main.py", "down"], ["down"]),
+        (
+            ["-P", "-m", "offboard.cli.end_with_parent", "7", "park", "--seed", "1"],
+            ["park", "--seed", "1"],
+        ),
     ],
 )
 def test_python_that_runs_klab_is_klab(tmp_path, started, words, arguments):

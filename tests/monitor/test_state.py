@@ -75,6 +75,25 @@ def test_a_park_is_seen_with_robot_goal_and_prediction():
     )
 
 
+def test_a_park_that_has_ended_says_how_and_the_axis_knows_from_when_to_when(park):
+    view, now_us = park
+    robot = view.snapshot(now_us)["R1"]
+    assert (robot["state"]["word"], robot["state"]["tone"]) == ("parked", "good")
+    assert "from the goal" in robot["state"]["detail"]
+    drive = robot["drive"]
+    driven = [m.utime for m in recorded("park.lcm", channels.MPC_STATE) if m.state == m.DRIVING]
+    length_s = (driven[-1] - driven[0]) * 1e-6
+    assert drive["activity"] == "parking"
+    assert drive["ended_s"] - drive["began_s"] == pytest.approx(length_s, abs=0.2)
+    assert robot_of(seen("park.lcm", until_us=3_000_000))["state"]["word"] == "parking"
+
+
+def test_a_calibration_is_said_to_go_on_and_a_silent_robot_to_be_gone(calibration):
+    word = robot_of(seen("calibration.lcm", until_us=5_000_000))["state"]["word"]
+    assert word == "calibrating"
+    assert robot_of(calibration, later_s=60.0)["state"]["word"] == "gone"
+
+
 def test_the_rows_of_a_park_hold_what_the_plots_draw(park):
     view, _ = park
     news, marks = view.histories(())

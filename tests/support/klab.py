@@ -89,10 +89,11 @@ def klab_json(*arguments: str | Path):
     return json.loads(klab_ok(*arguments, "--json"))
 
 
-def start_klab(*arguments: str | Path) -> subprocess.Popen[str]:
+def start_klab(*arguments: str | Path, cwd: Path | None = None) -> subprocess.Popen[str]:
     """Start in the background, with signals as a terminal leaves them."""
     return subprocess.Popen(
         [*KLAB, *map(str, arguments)],
+        cwd=cwd,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

@@ -13,12 +13,17 @@ URL = f"bus.url={os.environ['LCM_DEFAULT_URL']}"
 
 
 @contextmanager
-def serving(*arguments):
+def serving(*arguments, cwd=None):
     """Run the server; give its process and the address that it prints."""
     process = subprocess.Popen(
-        [*KLAB, "view", "--set", URL, "--port", "0", *arguments], stderr=subprocess.PIPE, text=True
+        [*KLAB, "view", "--set", URL, "--port", "0", *arguments],
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=cwd,
     )
-    yield process, re.search(r"http://\S+", process.stderr.readline()).group()
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=LIMIT_S)
+    try:
+        yield process, re.search(r"http://\S+", process.stderr.readline()).group()
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=LIMIT_S)
     assert process.returncode == 130

@@ -12,7 +12,7 @@ TEXT, GRAPHICS = 4.5, 3.0
 """Smallest contrast of text and of what else must be seen (success criteria 1.4.3 and 1.4.11)."""
 PAIRS = [
     *((text, ground, TEXT) for text in ("text", "quiet", "goal") for ground in ("card", "page")),
-    ("warn-text", "warn", TEXT),
+    ("warning-text", "warning", TEXT),
     ("white", "stop", TEXT),
     *(
         (drawn, "card", GRAPHICS)

@@ -122,6 +122,7 @@ def test_the_page_is_served_whole_and_nobody_elses_page_may_use_it(bench):
 def test_from_outside_only_the_printed_token_opens_page_and_socket():
     with serving("--host", "0.0.0.0") as (process, printed):
         address, token = re.fullmatch(r"http://[^:]+(:\d+/)\?token=(\S+)", printed).groups()
+        watching = re.search(r"to watch only: \S+token=(\S+)", process.stderr.readline()).group(1)
         for wrong in ("", "?token=", f"?token={token}x", f"?token={token.swapcase()}"):
             with pytest.raises(urllib.error.HTTPError, match="403"):
                 urllib.request.urlopen(f"http://127.0.0.1{address}{wrong}")
@@ -139,8 +140,9 @@ def test_from_outside_only_the_printed_token_opens_page_and_socket():
         assert counted == 8
         with urllib.request.urlopen(f"http://127.0.0.1{address}?token={token}") as answer:
             assert "klab view" in answer.read().decode()
-        with connect(f"ws://127.0.0.1{address}ws?token={token}", max_size=None) as socket:
-            assert "robots" in json.loads(socket.recv(LIMIT_S))
+        for known, may_order in ((token, True), (watching, False)):
+            with connect(f"ws://127.0.0.1{address}ws?token={known}", max_size=None) as socket:
+                assert json.loads(socket.recv(LIMIT_S))["may_order"] is may_order
 
 
 @pytest.mark.parametrize("frame", ["garbage", b"bytes", "x" * 100_000, '{"do": "goal"}'])

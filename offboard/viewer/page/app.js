@@ -3,23 +3,28 @@ import { Floor } from "./floor.js";
 import { Orders } from "./orders.js";
 import { Plots } from "./plots.js";
 import { ReplayBar } from "./replay.js";
-import { channels, processes } from "./tables.js";
+import { Runs } from "./runs.js";
+import { Start } from "./start.js";
+import { channels, needs, processes } from "./tables.js";
 
 const get = (id) => document.getElementById(id);
 const MOST_ROWS = 2400;
 const SLOW_MS = 500; // tables and plots: a person reads no faster
 const RETRY_MS = 1000;
 const SILENT_MS = 2000;
+const NO_CONNECTION = "connecting to klab view";
 
-let doubt = "", socket = null, robots = {}, selected = null, heardAt = 0, lost = "connecting to klab view";
-let spoken = "", warned = "", later = [], snapshotUs = 0, fresh = false, slowAt = 0;
+let doubt = "", socket = null, robots = {}, selected = null, heardAt = 0, lost = NO_CONNECTION;
+let spoken = "", warned = "", later = [], snapshotUs = 0, fresh = false, slowAt = 0, mayOrder = true;
 const kept = new Map(); // by robot: rows of the plots, segments, and the numbers of the oldest
 const floor = new Floor(get("floor"), (x1, x2, theta) => orders.goal(x1, x2, theta ?? robots[selected]?.goal?.[2] ?? 0));
 const plots = new Plots(get("plots"));
-const orders = new Orders(() => ({ socket, robots, selected, seenUs: snapshotUs }), floor);
-const replayBar = new ReplayBar((request) => orders.send({ do: "replay", robot: selected, ...request }));
+const orders = new Orders(() => ({ socket, robots, selected, mayOrder, seenUs: snapshotUs }), floor);
+const replayBar = new ReplayBar((request) => orders.send({ do: "replay", robot: selected, ...request }), () => mayOrder);
+const start = new Start(orders, () => ({ robots, selected, mayOrder, lost: lost || silent() }));
+const runs = new Runs(orders, () => mayOrder);
 
-get("closer").addEventListener("change", () => { plots.closer = get("closer").checked; slowAt = 0; });
+get("span").addEventListener("change", () => { plots.span = get("span").value; slowAt = 0; });
 
 function connect() {
   const address = new URL("ws", location.href);
@@ -36,6 +41,8 @@ function take(message) {
   heardAt = performance.now();
   robots = message.robots;
   snapshotUs = message.now_us;
+  mayOrder = message.may_order;
+  if (message.jobs) { start.take(message.jobs); runs.take(message.jobs); }
   const [key, refused] = message.trust;
   text("key", `Bus: ${key}.`);
   doubt = refused;
@@ -71,16 +78,18 @@ function choose() {
 
 function text(id, value) { if (get(id).textContent !== value) get(id).textContent = value; }
 
+const silent = () => (!lost && performance.now() - heardAt > SILENT_MS ? "klab view is silent" : "");
+
 function banners() {
-  const silent = !lost && performance.now() - heardAt > SILENT_MS;
   const lines = [];
-  document.body.classList.toggle("lost", Boolean(lost) || silent);
+  document.body.classList.toggle("lost", Boolean(lost || silent()));
   if (lost) lines.push(lost);
-  if (silent) lines.push("klab view is silent: nothing below is up to date");
+  if (silent()) lines.push("klab view is silent: nothing below is up to date");
   if (doubt) lines.push(doubt);
   for (const [name, robot] of Object.entries(robots)) lines.push(...robot.banners.map((line) => `${name}: ${line}`));
   const words = lines.map(wordsOf).join(". ");
   if (words !== warned) { warned = words; text("warned", lines.join(". ")); }
+  orders.showStop(lost === NO_CONNECTION ? "no connection yet" : lost ? "no connection to klab view" : silent());
   const place = get("banners");
   if ([...place.children].map((p) => p.textContent).join("\n") === lines.join("\n")) return;
   place.hidden = !lines.length;
@@ -98,31 +107,41 @@ function speak(line) {
   document.title = `${line.split(",")[0].replace(/ \d+ s$/, "")} \u00b7 klab view`;
 }
 
+function state(name, { word, tone, detail }, line) {
+  text("word", word);
+  get("word").dataset.tone = document.body.dataset.tone = tone;
+  text("line", name ? `${name}: ${line}` : line);
+  text("detail", detail);
+  speak(name ? `${name}: ${line}${detail ? `, ${word}: ${detail}` : ""}` : line);
+}
+
 function facts(robot) {
   const pose = robot.pose, speeds = robot.speeds;
   const number = (value, count) => (value === null || value === undefined ? "none" : value.toFixed(count));
+  const degrees = (value) => `${number(value === null ? null : (value * 180) / Math.PI, 1)}\u00b0`;
+  const place = ([x1, x2, theta]) => `x1 ${number(x1, 3)} m, x2 ${number(x2, 3)} m, ${degrees(theta)}`;
   const rows = {
-    pose: pose ? `${number(pose[0], 3)} m, ${number(pose[1], 3)} m, ${number(pose[2] === null ? null : (pose[2] * 180) / Math.PI, 1)}\u00b0` : "not seen",
-    goal: robot.goal ? `${number(robot.goal[0], 3)} m, ${number(robot.goal[1], 3)} m, ${number(robot.goal[2] === null ? null : (robot.goal[2] * 180) / Math.PI, 1)}\u00b0` : "none",
+    pose: pose ? place(pose) : "not seen",
+    goal: robot.goal ? place(robot.goal) : "none",
     speed: speeds ? `${number(speeds[0], 3)} m/s, ${number(speeds[1], 3)} rad/s` : "none",
     "motor loop": robot.onboard ?? "silent",
     battery: robot.battery_v === null ? "unknown" : `${number(robot.battery_v, 2)} V`,
   };
-  const place = get("facts");
-  if (place.children.length !== 2 * Object.keys(rows).length) {
-    place.replaceChildren(...Object.keys(rows).flatMap((name) => [
+  const list = get("facts");
+  if (list.children.length !== 2 * Object.keys(rows).length) {
+    list.replaceChildren(...Object.keys(rows).flatMap((name) => [
       Object.assign(document.createElement("dt"), { textContent: name }), document.createElement("dd")]));
   }
   Object.values(rows).forEach((value, i) => {
-    const cell = place.children[2 * i + 1];
+    const cell = list.children[2 * i + 1];
     if (cell.textContent !== value) cell.textContent = value;
   });
 }
 
 // What may wait is done a piece a frame, so that the floor never does.
 function slow(robot, mine) {
-  later = [() => channels(get("channels"), robot.channels),
-    () => processes(get("processes"), robot.processes), ...plots.tasks(mine.rows, robot.interval_ms)];
+  later = [() => channels(get("channels"), robot.channels), () => processes(get("processes"), get("last-words"), robot.processes),
+    () => needs(get("needs"), robot.processes), ...plots.tasks(mine.rows, robot.drive, robot.interval_ms)];
   health(robot);
   const sampler = robot.sampler;
   get("progress").hidden = !sampler;
@@ -140,19 +159,19 @@ function slow(robot, mine) {
 function nobody() {
   if (!fresh) return;
   fresh = false;
-  text("line", "no robot is heard");
-  speak("no robot is heard");
+  state("", { word: "nobody", tone: "gone", detail: "" }, "no robot is heard");
   text("health", "");
   text("lag", "");
   floor.clear();
   later = [];
   channels(get("channels"), []);
-  processes(get("processes"), []);
+  processes(get("processes"), get("last-words"), []);
+  needs(get("needs"), []);
   plots.clear();
   get("facts").replaceChildren();
   get("floor").setAttribute("aria-label", "Floor seen from above: no robot is heard");
   for (const shown of ["replay", "replay-bar", "progress"]) get(shown).hidden = true;
-  for (const control of [...get("goal").elements, get("arm")]) control.disabled = true;
+  orders.offer(null);
   document.body.dataset.stopped = false;
 }
 
@@ -160,9 +179,9 @@ function nobody() {
 function health(robot) {
   const said = robot.replay ? [] : robot.processes.filter((entry) => entry.state !== "finished");
   const bad = said.filter((entry) => entry.state !== "alive");
-  const lost = robot.channels.reduce((sum, flow) => sum + (flow.lost ?? 0), 0);
+  const missed = robot.channels.reduce((sum, flow) => sum + (flow.lost ?? 0), 0);
   const alive = `${bad.length ? `${said.length - bad.length} of ` : ""}${said.length} processes alive, `;
-  const missing = lost ? `${lost} message${lost === 1 ? "" : "s"} lost` : "nothing lost";
+  const missing = missed ? `${missed} message${missed === 1 ? "" : "s"} lost` : "nothing lost";
   text("health", `${said.length ? alive : ""}${missing}`);
   get("health").classList.toggle("bad", bad.length > 0);
 }
@@ -175,20 +194,21 @@ function frame() {
 }
 
 function floorAgain() {
+  start.show();
+  runs.show();
   if (!fresh && !floor.drag) return;
   choose();
   const robot = robots[selected];
   if (!robot) return nobody();
   const mine = kept.get(selected) ?? { rows: [], segments: [] };
-  floor.draw(robots, selected, { trail: mine.rows.map((row) => [row[1], row[2]]), segments: mine.segments });
+  floor.draw(robots, selected, { trail: mine.rows.map((row) => [row[1], row[2]]), segments: mine.segments, chosen: start.goal() });
   if (!fresh) return;
   fresh = false;
-  text("line", `${selected}: ${robot.line}`);
-  speak(`${selected}: ${robot.line}`);
+  state(selected, robot.state, robot.line);
   facts(robot);
   get("replay").hidden = !robot.replay;
   replayBar.show(robot.replay_progress);
-  for (const control of [...get("goal").elements, get("arm")]) control.disabled = !robot.steerable;
+  orders.offer(robot);
   document.body.dataset.stopped = robot.stopped;
   const pose = robot.pose;
   const lag = Date.now() - snapshotUs / 1000 + (robot.pose_age_s ?? 0) * 1000;

@@ -71,7 +71,7 @@ export class Floor {
     const { Z, X0 } = shown.sets;
     for (const set of [Z, X0]) this.include([[set.x1_m[0], set.x2_m[0]], [set.x1_m[1], set.x2_m[1]]]);
     for (const robot of Object.values(robots)) if (robot.pose) this.include([robot.pose]);
-    if (shown.goal) this.include([shown.goal]);
+    if (shown.goal ?? kept.chosen) this.include([shown.goal ?? kept.chosen]);
     this.fit();
     const css = getComputedStyle(this.canvas);
     const colour = (name) => css.getPropertyValue(`--${name}`);
@@ -84,6 +84,7 @@ export class Floor {
     for (const segment of kept.segments) this.path(segment.points, colour("segment"), 3);
     if (shown.driving) this.path(shown.horizon, colour("horizon"), 3);
     if (shown.goal) this.cross(shown.goal, colour("goal"));
+    else if (kept.chosen) { this.context.globalAlpha = 0.5; this.cross(kept.chosen, colour("goal")); this.context.globalAlpha = 1; }
     for (const [name, robot] of Object.entries(robots)) {
       if (robot.pose) this.body(name, robot, colour(robot.tracked ? "robot" : "quiet"), name === selected);
     }

@@ -4,8 +4,11 @@ const SETTLE_MS = 700; // a second step sooner is the end of a double click, or 
 const UNANSWERED_MS = 1500; // a stop is confirmed within two tenths of a second
 const get = (id) => document.getElementById(id);
 
+// Whether a controller speaks for a robot, which takes another goal.
+const controlled = (robot) => Boolean(robot?.steerable && robot.goal);
+
 export class Orders {
-  // `lab` says what the page knows: socket, robots, selected, seenUs (the server's time, us).
+  // `lab` says what the page knows: socket, robots, selected, mayOrder, seenUs (the server's time, us).
   constructor(lab, floor) {
     this.lab = lab;
     this.floor = floor;
@@ -45,9 +48,40 @@ export class Orders {
     return true;
   }
 
+  // A STOP that cannot work looks so: nobody is to trust it.
+  showStop(unheard) {
+    const { robots, mayOrder } = this.lab();
+    const speaking = Object.values(robots).filter((robot) => robot.state.tone !== "gone");
+    const silent = speaking.length ? "" : "no robot is heard";
+    // A robot looks like a log where this computer's clock is wrong, and may well obey.
+    const log = speaking.every((robot) => robot.replay) ? "only a log is heard, unless a clock is wrong" : "";
+    const dead = unheard || (mayOrder ? "" : "this address only watches") || silent || log;
+    const note = dead ? `${dead}: use klab estop, or cut the power` : "every robot \u00b7 space bar";
+    const button = get("stop");
+    button.classList.toggle("dead", Boolean(dead));
+    button.setAttribute("aria-disabled", String(Boolean(dead)));
+    if (get("stop-note").textContent !== note) get("stop-note").textContent = note;
+  }
+
+  // Only what can work is offered: a robot that stands freely needs no release, and one that
+  // nobody parks takes no goal.
+  offer(robot) {
+    const { mayOrder } = this.lab();
+    const may = mayOrder && Boolean(robot?.steerable);
+    const sends = mayOrder && controlled(robot);
+    get("arm").disabled = !(may && robot.stopped);
+    get("goal").querySelector("button").disabled = !sends;
+    const parks = mayOrder && !robot?.replay && !get("start-section").hidden;
+    for (const id of ["x1", "x2", "theta", "drag"]) get(id).disabled = !(sends || parks);
+    this.floor.draggable = get("drag").checked && !get("drag").disabled;
+    const note = sends ? "a controller drives to it" : parks ? "of the next park; none runs now" : "nobody takes a goal now";
+    if (get("goal-note").textContent !== note) get("goal-note").textContent = note;
+  }
+
   stop() {
     this.disarm();
     this.floor.cancel();
+    if (!this.lab().mayOrder) return this.say("this address only watches; use `klab estop`, or cut the power", false);
     const names = Object.keys(this.lab().robots);
     if (!names.length) return this.say("no robot was heard; use `klab estop`, or cut the power", false);
     for (const robot of names) {
@@ -59,12 +93,13 @@ export class Orders {
     this.say(`STOP sent to ${names.join(", ")}`);
   }
 
+  // Of a robot that nobody parks now, a goal is that of the next park: it stays in the fields.
   goal(x1_m, x2_m, theta_rad) {
     const { robots, selected } = this.lab();
-    if (!robots[selected]?.steerable) return this.say(`${selected ?? "no robot"}: cannot be steered`, false);
     [["x1", x1_m, 3], ["x2", x2_m, 3], ["theta", (theta_rad * 180) / Math.PI, 1]].forEach(([id, value, n]) => {
       get(id).value = value.toFixed(n);
     });
+    if (!controlled(robots[selected])) return;
     if (this.send({ do: "goal", robot: selected, x1_m, x2_m, theta_rad })) this.say(`${selected}: goal sent`);
   }
 
@@ -113,9 +148,9 @@ export class Orders {
     const drag = get("drag");
     drag.checked = matchMedia("(pointer: fine)").matches; // on a touch screen a finger scrolls first
     drag.addEventListener("change", () => { this.floor.draggable = drag.checked; });
-    this.floor.draggable = drag.checked;
+    this.floor.draggable = false; // until it is known that somebody takes a goal
     // As the space bar stops, Enter ticks a box; it must not send the form's goal.
-    for (const box of document.querySelectorAll("input[type=checkbox]")) {
+    for (const box of [drag]) {
       box.addEventListener("keydown", (event) => {
         if (event.key !== "Enter") return;
         event.preventDefault();

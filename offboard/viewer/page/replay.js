@@ -3,9 +3,10 @@ const get = (id) => document.getElementById(id);
 const HELD_MS = 600; // so long after a person moved it the bar does not follow the replay
 
 export class ReplayBar {
-  // `send` takes what is asked for, without the robot.
-  constructor(send) {
+  // `send` takes what is asked for, without the robot; `maySteer` says whether this page may ask.
+  constructor(send, maySteer) {
     this.send = send;
+    this.maySteer = maySteer;
     this.heldUntil = 0;
     this.playing = true;
     get("replay-play").addEventListener("click", () => send({ action: this.playing ? "pause" : "play" }));
@@ -19,8 +20,8 @@ export class ReplayBar {
 
   // `progress` is what the snapshot says of the replay, null where none can be steered.
   show(progress) {
-    get("replay-bar").hidden = !progress;
-    if (!progress) return;
+    get("replay-bar").hidden = !progress || !this.maySteer();
+    if (get("replay-bar").hidden) return;
     this.playing = progress.playing;
     const word = progress.playing ? "Pause" : "Play";
     if (get("replay-play").textContent !== word) get("replay-play").textContent = word;

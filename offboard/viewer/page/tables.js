@@ -1,4 +1,5 @@
 // Tables that keep their rows, so that focus and selection stay where they are.
+const WELL = "exit code 0";
 const digits = (value, count = 2) => (value === null || value === undefined ? "-" : value.toFixed(count));
 
 function fill(table, rows) {
@@ -24,17 +25,20 @@ export function channels(table, flows) {
   }));
 }
 
-export function processes(table, entries) {
+// Where one has died, its last words stand in `place`.
+export function processes(table, place, entries) {
   fill(table, entries.map((entry) => {
     const bad = entry.state === "died" || entry.state === "silent";
-    return [entry.name, [`${entry.state}${entry.ended ? `: ${entry.ended}` : ""}`, bad],
-      entry.age_s === null ? "-" : `${digits(entry.age_s, 1)} s ago`, `${entry.pid}`, `${entry.missed_ticks ?? "-"}`,
-      `${entry.lost_messages ?? "-"}`, entry.needs.join(", ") || "nothing", entry.stopped_by];
+    return [entry.name, [entry.state + (entry.ended && entry.ended !== WELL ? `: ${entry.ended}` : ""), bad], digits(entry.age_s, 1), `${entry.pid}`, `${entry.missed_ticks ?? "-"}`,
+      `${entry.lost_messages ?? "-"}`];
   }));
-  entries.forEach((entry, i) => {
-    if (entry.state !== "died" || !entry.log_file) return;
-    const words = document.createElement("pre");
-    words.textContent = `${entry.log_file} ends with:\n${entry.last_lines || "(it said nothing)"}`;
-    table.tBodies[0].rows[i].cells[1].append(words);
-  });
+  const words = entries.filter((entry) => entry.state === "died" && entry.log_file)
+    .map((entry) => `${entry.name}: ${entry.log_file} ends with:\n${entry.last_lines || "(it said nothing)"}`);
+  if (place.dataset.words === words.join("\n")) return;
+  place.dataset.words = words.join("\n");
+  place.replaceChildren(...words.map((said) => Object.assign(document.createElement("pre"), { textContent: said })));
+}
+
+export function needs(table, entries) {
+  fill(table, entries.map((entry) => [entry.name, entry.needs.join(", ") || "nothing", entry.stopped_by]));
 }
