@@ -18,7 +18,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from koopman_lab.errors import DataError, LabStateError
+from koopman_lab.errors import DataError, LabStateError, NotWrittenError
 from koopman_lab.figures.distribution_figure import draw_distribution
 from koopman_lab.files import write_csv, write_json
 from koopman_lab.json_file import JsonTable, Refusal, read_table
@@ -100,6 +100,8 @@ def run_study(
     ------
     DataError
         If the folder holds a study and ``resume`` is not set, or it holds a different one.
+    NotWrittenError
+        If the folder cannot be written.
     LabStateError
         If another command is at work in the folder, or the pool cannot go on; what was done is
         kept.
@@ -227,7 +229,7 @@ def _locked(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         file = (folder / "rows.jsonl").open("ab")
     except OSError as error:
-        raise DataError(
+        raise NotWrittenError(
             f"{folder}: cannot be written ({error.strerror}); choose another folder with --out"
         ) from None
     with file:

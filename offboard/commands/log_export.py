@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from koopman_lab.errors import DataError
+from koopman_lab.errors import NotWrittenError
 from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, show_damage, show_passed_over
@@ -52,7 +52,7 @@ def plot(
     try:
         draw_session(stem, session_plot(read))
     except OSError as error:
-        raise DataError(
+        raise NotWrittenError(
             f"{stem}: cannot be written ({error.strerror}); choose another with --out"
         ) from None
     show_passed_over(read.passed_over)
@@ -90,7 +90,7 @@ def export(
     try:
         written = (export_csv if format_ is Format.csv else export_mcap)(events, out)
     except OSError as error:
-        raise DataError(
+        raise NotWrittenError(
             f"{out}: cannot be written ({error.strerror}); choose another with --out"
         ) from None
     show_damage(log, damage)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from offboard.terminal import options
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err
 
@@ -28,7 +29,6 @@ BACKLOG = 48
 of them is read, are fewer than one client may have."""
 PING_S = 20.0
 """A client that answers no ping for so long is gone."""
-INTERRUPTED = 130
 
 Host = Annotated[
     str,
@@ -58,7 +58,7 @@ def view(
     """
     lab = options.resolve(config, overrides, robot, url=url)
     serve(lab, listen(host, port), token_for(host))
-    raise typer.Exit(INTERRUPTED)
+    raise typer.Exit(ExitCode.INTERRUPTED)
 
 
 def serve(
@@ -131,7 +131,7 @@ def serve(
     try:
         asyncio.run(run())
     except KeyboardInterrupt:
-        raise typer.Exit(INTERRUPTED) from None
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
 
 
 def free_port() -> int:

@@ -10,6 +10,7 @@ from klab import KLAB, SHORT_RUNS, klab, klab_ok
 from real_bus import Ear, other, recorded, tool
 
 from koopman_lab.bus.channels import ONBOARD_STATUS, PLANT_TRUTH
+from offboard.terminal.exit_codes import ExitCode
 
 REFERENCE = Path(__file__).parents[1] / "data" / "reference" / "calibration.lcm"
 
@@ -48,7 +49,7 @@ def test_a_replay_onto_the_bus_of_a_live_robot_is_refused(session, bus_url):
     finally:
         onboard.send_signal(signal.SIGINT)
         assert onboard.wait(timeout=10) == 0
-    assert done.returncode == 2
+    assert done.returncode == ExitCode.LAB_FAILURE
     assert f"R1 is alive on {bus_url} (onboard)" in done.stderr
     assert "--url" in done.stderr
     assert "Traceback" not in done.stderr

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from koopman_lab.errors import DataError
+from koopman_lab.errors import DataError, NotWrittenError
 from offboard.commands.data.dataset_needed import needed
 from offboard.commands.data.dataset_sweep import sweep
 from offboard.commands.data.marker_line import marker_line
@@ -209,7 +209,7 @@ def _explaining_write_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise DataError(
+        raise NotWrittenError(
             f"{path}: cannot be written ({error.strerror}); choose another place with --out"
         ) from None
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from koopman_lab.errors import DataError, ModelError
+from koopman_lab.errors import ModelError, NotWrittenError
 from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress, show_passed_over
@@ -71,7 +71,7 @@ def needed(
         try:
             draw_needed(figure, rows)
         except OSError as error:
-            raise DataError(
+            raise NotWrittenError(
                 f"{figure}: cannot be written ({error.strerror}); choose another file with --out"
             ) from None
         err.print(f"figure: {figure.with_suffix('.png')}")

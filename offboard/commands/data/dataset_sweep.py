@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from koopman_lab.errors import DataError
+from koopman_lab.errors import NotWrittenError
 from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress, show_passed_over
@@ -82,7 +82,7 @@ def sweep(
         try:
             draw_sweep(figure, rows, entries)
         except OSError as error:
-            raise DataError(
+            raise NotWrittenError(
                 f"{figure}: cannot be written ({error.strerror}); choose another file with --out"
             ) from None
         err.print(f"figure: {figure.with_suffix('.png')}")

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from koopman_lab.errors import DataError
+from koopman_lab.errors import DataError, NotWrittenError
 from koopman_lab.robots.table import robot_type
 from offboard.commands.data.validation_inputs import models_and_runs
 from offboard.terminal import options
@@ -117,7 +117,7 @@ def _drawing(file: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise DataError(
+        raise NotWrittenError(
             f"{file}: cannot be written ({error.strerror}); choose another file with --out"
         ) from None
     err.print(f"figure: {file.with_suffix('.png')}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from koopman_lab.errors import LabError, ModelError
+from koopman_lab.errors import LabError, ModelError, NotWrittenError
 from offboard.commands.data.marker_line import marker_line
 from offboard.commands.data.model_info import lines
 from offboard.commands.data.training_verdicts import judged_model, judged_source
@@ -77,6 +77,9 @@ def train(
     combination: Annotated[
         CombinationName, typer.Option("--combination", help="Of inputs: matrices or generators.")
     ] = CombinationName.paper,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace a model that is there already.")
+    ] = False,
     salvage: options.Salvage = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -86,7 +89,8 @@ def train(
     would drive the wrong way.
 
     With --predictor another package's model instead, which says what it makes of the other options.
-    A folder of .dat files from elsewhere needs --robot and --dt.
+    A folder of .dat files from elsewhere needs --robot and --dt. A model that is there already is
+    not replaced without --overwrite.
 
     Example: klab train runs/calibration --window 40 --out runs/model.npz
     """
@@ -101,6 +105,7 @@ def train(
         predictor=predictor,
         method=Method(estimator.value, ridge, symmetric, combination.value),
         robot_kind=robot,
+        overwrite=overwrite,
         salvage=salvage,
         as_json=as_json,
     )
@@ -116,37 +121,46 @@ def train_and_report(
     predictor: str = "edmd",
     method: Method | None = None,
     robot_kind: str | None = None,
+    overwrite: bool = False,
     salvage: bool = False,
     as_json: bool = False,
+    silent: bool = False,
 ) -> Path:
     """Train, print the report and the verdicts, which the model keeps; return where it is.
+
+    With ``silent`` nothing is printed on standard output.
 
     Raises
     ------
     LabError
         If a source cannot be used, or together they do not excite the dictionary.
     """
-    from koopman_lab.data.source import open_source
+    from koopman_lab.data.source import folder_of, is_there, open_source
     from koopman_lab.evaluation.fit_to_drive import with_verdict
     from koopman_lab.koopman.training_report import Method, TrainingReport
     from koopman_lab.predictors.table import PREDICTORS, trainer_of
 
     PREDICTORS.get(predictor)  # before hours of data are read
     method = method or Method()
-    trainer = folder = None
+    path = model if model is not None else folder_of(sources[0]) / "model.npz"
+    # Before hours of data are read, but a source that is missing comes first.
+    if path.is_file() and not overwrite and all(map(is_there, sources)):
+        raise ModelError(
+            f"{path}: is there already; choose another file with --out, or replace it with "
+            "--overwrite"
+        )
+    trainer = None
     passed_over, verdicts = [], []
     for source in sources:
         opened = open_source(
             source, robot_kind=robot_kind, dt_s=dt_s, window=window, salvage=salvage
         )
-        if trainer is None or folder is None:
+        if trainer is None:
             trainer = trainer_of(predictor, dictionary or opened.dictionary, method)
-            folder = opened.folder
         verdicts.append(judged_source(opened))
         trainer.add(opened.dataset)
         passed_over.append(opened.passed_over)
     assert trainer is not None  # typer and the callers give at least one source
-    assert folder is not None
     try:
         learned, report = trainer.result()
     except LabError:
@@ -156,11 +170,10 @@ def train_and_report(
     data_usable = all(v.usable for of_source in verdicts for v in of_source.values())
     judged = judged_model(learned, report, data_usable=data_usable)
     learned = with_verdict(learned, judged, verdicts)
-    path = model if model is not None else folder / "model.npz"
     try:
         learned.save(path)
     except OSError as error:
-        raise ModelError(
+        raise NotWrittenError(
             f"{path}: cannot be written ({error.strerror}); choose another file with --out"
         ) from None
     for part in passed_over:
@@ -169,7 +182,7 @@ def train_and_report(
         marker = learned.metadata.get("data", {}).get("marker")
         facts = {"model": str(path), "marker": marker, "verdict": learned.metadata.get("verdict")}
         out.print_json(json.dumps(report.as_dict() | facts))
-    else:
+    elif not silent:
         if isinstance(report, TrainingReport):
             _show(report)
         else:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from koopman_lab.errors import DataError
+from koopman_lab.errors import NotWrittenError
 from offboard.commands.data.validation_inputs import models_and_runs
 from offboard.lab.run_folder import run_path
 from offboard.terminal import options
@@ -53,7 +53,7 @@ def validate(
     try:
         draw_validation(folder / FIGURE, validations)
     except OSError as error:
-        raise DataError(
+        raise NotWrittenError(
             f"{folder}: cannot be written ({error.strerror}); choose another folder with --out"
         ) from None
     inputs.show_passed_over()

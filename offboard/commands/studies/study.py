@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from koopman_lab.config.cost_table import COSTS
-from koopman_lab.errors import DataError
+from koopman_lab.errors import NotWrittenError
 from koopman_lab.robots.table import robot_type
 from offboard.commands.studies import study_starts
 from offboard.terminal import options
@@ -71,7 +71,7 @@ def weights(
     try:
         write_csv(file, *studies.as_table(rows))
     except OSError as error:
-        raise DataError(
+        raise NotWrittenError(
             f"{file}: cannot be written ({error.strerror}); choose another file with --out"
         ) from None
     summaries = studies.summary(rows)
