@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import signal
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from typing import Any, NamedTuple, Protocol
 
 from koopman_lab.errors import LabStateError
@@ -59,10 +59,17 @@ class Processes:
     ----------
     workers
         Number of processes.
+    starting
+        Returns what surrounds the moment in which they are started.
     """
 
-    def __init__(self, workers: int) -> None:
+    def __init__(
+        self,
+        workers: int,
+        starting: Callable[[], AbstractContextManager[None]] = contextlib.nullcontext,
+    ) -> None:
         self.workers = workers
+        self._starting = starting
         self.where = "processes"
 
     def __call__(self, chunks: Sequence[Chunk]) -> Iterator[ChunkResult]:
@@ -73,37 +80,17 @@ class Processes:
         WorkerLostError
             If a process died.
         """
-        from multiprocessing import resource_tracker
-
         import joblib
-        from joblib.externals.loky.backend import resource_tracker as tracker_of_joblib
         from joblib.externals.loky.process_executor import BrokenProcessPool
 
-        # Each lets Ctrl-C through again when it starts, which must not be in between.
-        resource_tracker.ensure_running()
-        tracker_of_joblib.ensure_running()
         with joblib.parallel_config("loky", n_jobs=self.workers, inner_max_num_threads=1):
             pool = joblib.Parallel(return_as="generator_unordered", batch_size=1)
             try:
-                with _interrupts_held_back():
+                with self._starting():
                     results = pool(joblib.delayed(run_chunk)(*chunk) for chunk in chunks)
                 yield from results
             except BrokenProcessPool:
                 raise WorkerLostError from None
-
-
-@contextlib.contextmanager
-def _interrupts_held_back() -> Iterator[None]:
-    """Let processes and threads that are started inside the block never see Ctrl-C.
-
-    A terminal sends it to all of them, and each would end with a traceback of its own; whoever
-    started them ends them.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class Cluster:

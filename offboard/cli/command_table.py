@@ -74,6 +74,9 @@ COMMANDS = {
     "model": Row(LEARN, "offboard.commands.data.model_info:app", "What a model is and came from."),
     "figure": Row(LEARN, "offboard.commands.data.figure:app", "Draw samples and predictions."),
     "park": Row(DRIVE, "offboard.commands.park:park", "Drive the robot to a pose with a model."),
+    "runs": Row(
+        DRIVE, "offboard.commands.run_list:runs", "What was run: when, with what, how it ended."
+    ),
     "simulate": Row(
         DRIVE, "offboard.commands.simulate:simulate", "Drive the nominal robot, without a lab."
     ),

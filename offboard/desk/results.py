@@ -176,6 +176,10 @@ class ParkSummary(ParkEnd, Summary):
 
     what: Literal["park"] = "park"
     """Which command made the run."""
+    model: str
+    """File of the model that the controller was given."""
+    cost: str
+    """Name of the stage cost."""
     solve_ms: Spread
     """Wall time of a driving step (ms)."""
     pose_age_ms: Spread

@@ -180,6 +180,8 @@ def park(
     log = SessionLog(folder.log)
     summary = ParkSummary(
         **outcome.model_dump(include=ParkEnd.model_fields.keys() | {"missed_deadlines"}),
+        model=str(session.model.absolute()),
+        cost=config.controller.cost,
         solve_ms=_spread(outcome.solve_ms),
         pose_age_ms=_spread(outcome.pose_age_ms),
         mocap_messages_lost=log.channels[MOCAP_POSE.name(config.robot.name)].lost,

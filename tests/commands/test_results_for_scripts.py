@@ -1,9 +1,10 @@
 """What scripts read of a run: its summary as JSON, and the exit code."""
 
 import json
+import re
 
 import pytest
-from klab import MODEL, REFERENCE, klab, klab_ok
+from klab import MODEL, REFERENCE, klab, klab_json, klab_ok
 
 from offboard.terminal.exit_codes import ExitCode
 
@@ -72,3 +73,27 @@ def test_a_session_of_its_own_goes_before_one_below(tmp_path):
     whole = (REFERENCE / "park.lcm").read_bytes()
     (tmp_path / "session.lcm").write_bytes(whole)
     assert f"{tmp_path / 'session.lcm'}, " in klab_ok("log", "info", tmp_path).replace("\n", "")
+
+
+def test_what_was_run_is_listed_in_a_line_each(demo):
+    folder, _ = demo
+    rows = {row["folder"]: row for row in klab_json("runs", folder)}
+    assert set(rows) == {str(folder), *(str(folder / part) for part in ("calibration", "park"))}
+    park = rows[str(folder / "park")]
+    assert (park["what"], park["outcome"], park["log"]) == ("park", "parked", True)
+    assert park["used"] == {"model": str(folder / "model.npz"), "cost": "me", "seed": "1"}
+    assert rows[str(folder / "calibration")]["outcome"] == "calibrated"
+    lines = klab_ok("runs", folder).splitlines()
+    assert len(lines) == len(rows)
+    (line,) = (line for line in lines if f"{folder / 'park'}  " in line)
+    assert re.search(r"^\d{4}-\d\d-\d\d \d\d:\d\d  park +model.npz  .*  parked \(.* mm and ", line)
+    assert klab_ok("runs", folder, "--last", "1").split() == lines[-1].split()
+
+
+def test_a_folder_without_runs_is_said(tmp_path):
+    done = klab("runs", tmp_path)
+    assert (done.returncode, done.stdout) == (ExitCode.DONE, "")
+    assert "no run yet" in done.stderr
+    missing = klab("runs", tmp_path / "none")
+    assert missing.returncode == ExitCode.MISUSE
+    assert "no such folder" in missing.stderr

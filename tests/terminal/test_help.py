@@ -65,11 +65,12 @@ def test_a_group_says_the_whole_first_sentence_of_each_command(group):
             assert f"{words} {sentence}" in told
 
 
-def test_values_are_called_in_plain_words_by_every_command():
-    for words, _ in commands(command_line()):
+def test_every_command_calls_values_in_plain_words_and_has_an_example():
+    for words, command in commands(command_line()):
         told = help_of(*words.split())
         assert not JARGON.search(told), words
         assert max(map(len, told.splitlines())) <= WIDTH, words
+        assert command.hidden or f"Example: klab {words}" in " ".join(told.split()), words
 
 
 def test_the_version_is_said():

@@ -107,7 +107,7 @@ def receive_buffer(lab: LabConfig) -> Iterator[Finding]:
 def streams(lab: LabConfig) -> Iterator[Finding]:
     """Say who sends each stream that is heard, by the address of its datagrams."""
     from koopman_lab.bus.bus_url import parse_bus_url
-    from koopman_lab.bus.senders import senders_by_channel
+    from offboard.commands.doctor_checks.senders import senders_by_channel
     from offboard.commands.doctor_checks.socket_owners import SocketOwners
     from offboard.terminal.visible_text import one_line
 

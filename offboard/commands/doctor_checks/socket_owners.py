@@ -7,7 +7,7 @@ import socket
 from functools import cached_property
 from pathlib import Path
 
-from koopman_lab.bus.senders import Sender
+from offboard.commands.doctor_checks.senders import Sender
 
 TABLE = Path("/proc/net/udp")
 """See proc(5): in each line the local address as hexadecimal numbers, and the inode."""

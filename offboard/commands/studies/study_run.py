@@ -62,8 +62,11 @@ def run_plan(
         import joblib
 
         from koopman_lab.studies.pools import Cluster, Processes
+        from offboard.commands.studies.interrupts import interrupts_held_back
 
-        return Processes(workers or joblib.cpu_count()) if dask is None else Cluster(dask)
+        if dask is not None:
+            return Cluster(dask)
+        return Processes(workers or joblib.cpu_count(), interrupts_held_back)
 
     return RunPlan(run_path(folder, name), runs, chunk, resume, pool)
 

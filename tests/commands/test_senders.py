@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from klab import klab
 
 from koopman_lab.bus.bus_url import parse_bus_url
-from koopman_lab.bus.senders import Sender, channel_of, senders_by_channel
 from koopman_lab.errors import BusError
+from offboard.commands.doctor_checks.senders import Sender, channel_of, senders_by_channel
 from offboard.commands.doctor_checks.socket_owners import SocketOwners
 
 names = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=60).filter(
