@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 
-INTERRUPTED = 130
 STOP = "estop"
 """The command that does not wait until the others are loaded."""
 
@@ -20,8 +19,10 @@ def ended_quietly(run: Callable[[], None]) -> None:
     try:
         run()
     except KeyboardInterrupt:
+        from offboard.terminal.exit_codes import ExitCode
+
         sys.stderr.write("klab: interrupted\n")
-        sys.exit(INTERRUPTED)
+        sys.exit(ExitCode.INTERRUPTED)
     finally:
         import signal
 
