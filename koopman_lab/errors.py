@@ -1,11 +1,17 @@
-"""Expected mistakes: each becomes one message and exit code 2, never a traceback.
+"""Expected mistakes: each becomes one message and an exit code, never a traceback.
 
-A message says what is wrong, where (file, key or channel), and the next step.
+A message says what is wrong, where (file, key or channel), and the next step. The exit code is 2
+where what was asked for cannot be, 3 where the lab or the machine failed
+(`offboard.terminal.exit_codes`).
 """
 
 
 class LabError(Exception):
     """Base of every expected mistake."""
+
+
+class UsageError(LabError):
+    """What was asked for cannot be done as it was typed, whatever the lab is like."""
 
 
 class ConfigError(LabError):
@@ -28,12 +34,28 @@ class BusError(LabError):
     """The LCM bus cannot be used, or a channel does not exist."""
 
 
+class BusUrlError(BusError, UsageError):
+    """A URL is of no bus that a lab can speak on."""
+
+
+class UnknownChannelError(BusError, UsageError):
+    """A name is of no channel of this lab."""
+
+
 class InstallationError(LabError):
     """What is asked for needs packages that are not installed here."""
 
 
 class LabStateError(LabError):
     """The lab is not in the state a command needs, for example a process did not start."""
+
+
+class NotWrittenError(LabError):
+    """A file that a command should leave cannot be written where a person named it."""
+
+
+class LogNotWrittenError(LogError, NotWrittenError):
+    """The disk takes no more of a session log; what it has taken is whole."""
 
 
 class PluginError(LabError):

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import IO, Any
 from urllib.parse import quote
 
-from koopman_lab.errors import DiskError
+from koopman_lab.errors import DiskError, NotWrittenError
 
 CACHE_VARIABLE = "KOOPMAN_LAB_CACHE"
 """Environment variable that names another cache folder."""
@@ -154,6 +154,25 @@ def _in_words(path: Path) -> Iterator[None]:
         raise
     except OSError as error:
         raise DiskError(error.errno, error.strerror or str(error), str(path)) from None
+
+
+@contextlib.contextmanager
+def writing_where_named(
+    path: Path, next_step: str = "choose another place with --out"
+) -> Iterator[None]:
+    """Say of a place that a person named that it cannot be written, and what to do then.
+
+    Raises
+    ------
+    NotWrittenError
+        If what is done within fails as the disk or the folder refuses it.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise NotWrittenError(
+            f"{path}: cannot be written ({error.strerror}); {next_step}"
+        ) from None
 
 
 def write_text(path: Path, text: str, mode: int = 0o666) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import lcmtypes
 from koopman_lab.bus.channel import COMMANDER, Channel
 from koopman_lab.bus.processes import PROCESSES, process
-from koopman_lab.errors import BusError, PluginError
+from koopman_lab.errors import BusError, PluginError, UnknownChannelError
 from koopman_lab.robots.command_message import CommandMessage
 from koopman_lab.robots.dynamic import DYNAMIC
 from koopman_lab.robots.kinematic import KINEMATIC
@@ -260,14 +260,14 @@ def split_name(name: str) -> tuple[str, Channel[Any]]:
 
     Raises
     ------
-    BusError
+    UnknownChannelError
         If no row ends the name.
     """
     # Those of other packages only where needed: monitors ask this of every message.
     split = _split(name, CHANNELS) or _split(name, all_channels())
     if split is not None:
         return split
-    raise BusError(
+    raise UnknownChannelError(
         f"channel {name!r} is not of this lab; names are ROBOT_SUFFIX with one of: "
         f"{_suffixes(all_channels())}"
     )

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 import lcm
 
 from koopman_lab.bus import receiving_socket
+from koopman_lab.bus.bus_url import parse_bus_url, route_remedy
 from koopman_lab.bus.datagram_filter import SHUT, datagram_filter
 from koopman_lab.bus.receiving_socket import FilterError
 from koopman_lab.errors import BusError
@@ -107,9 +108,22 @@ class FilteredBus(lcm.LCM):
             self._open_receiving_socket()
         if self._is_deaf:
             raise BusError(
-                f"bus.url {self._url}: LCM can send there, but not listen. Another program may "
-                "hold the port for itself; `klab doctor` looks closer."
+                f"bus.url {self._url}: LCM can send there, but not listen: {self._why()}"
             )
+
+    def _why(self) -> str:
+        """Return why LCM cannot listen, and what to do."""
+        port = parse_bus_url(self._url).port
+        if receiving_socket.is_held(port):
+            return (
+                f"a program that does not share it holds port {port}; end it (`ss -ulpn "
+                f"'sport = :{port}'` names it), or take another port, for example {port + 1}"
+            )
+        return (
+            "what it sends to itself does not come back. Either a firewall drops UDP on port "
+            f"{port}: let it pass; or the route for multicast leads elsewhere: "
+            f"{route_remedy(self._url)}"
+        )
 
     def _open_receiving_socket(self) -> None:
         self._listens = True

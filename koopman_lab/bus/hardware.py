@@ -23,11 +23,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 from koopman_lab.bus.node import Node
-from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import PluginError
 from koopman_lab.registry import Registry
+
+if TYPE_CHECKING:
+    from koopman_lab.config.schema import LabConfig
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import stat
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from koopman_lab.errors import ConfigError
+from koopman_lab.errors import ConfigError, NotWrittenError
 
 if TYPE_CHECKING:
     from koopman_lab.config.schema import LabConfig
@@ -103,7 +103,9 @@ def write_new_key(file: Path) -> bytes:
     Raises
     ------
     ConfigError
-        If there is such a file already, or it cannot be written.
+        If there is such a file already.
+    NotWrittenError
+        If it cannot be written.
     """
     # Here, as in `fingerprint`: who stops a robot reads the key, and is not to wait for the rest.
     import tempfile
@@ -129,7 +131,9 @@ def write_new_key(file: Path) -> bytes:
                 f"{file}: is there already, and a key is never overwritten; name another file, or "
                 "move the old key away first if every machine is to have a new one"
             ) from None
-        raise ConfigError(f"{file}: cannot be written ({error.strerror})") from None
+        raise NotWrittenError(
+            f"{file}: cannot be written ({error.strerror}); name another file"
+        ) from None
     return key
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 import lcm
 
+from koopman_lab.bus.bus_url import parse_bus_url, route_remedy
 from koopman_lab.bus.filtered_bus import FilteredBus, without_stderr
 from koopman_lab.errors import BusError
 
@@ -28,30 +28,26 @@ def open_lcm(config: LabConfig) -> FilteredBus:
 
     Raises
     ------
+    BusUrlError
+        If the URL is none of a bus that a lab can speak on.
     BusError
-        If LCM cannot be opened; the message says how to make a multicast route.
+        If LCM cannot be opened; the message says how to make a multicast route, or who must answer.
     """
-    url = bus_url(config)
+    address, url = parse_bus_url(config.bus.url), bus_url(config)
     try:
         with without_stderr():
             return FilteredBus(url)
     except (RuntimeError, ValueError, OSError):
+        if address.scheme == "tcpq":
+            raise BusError(
+                f"bus.url {config.bus.url}: no server answers; start `lcm-tcpq-server` on "
+                f"{address.host}, or name another with --url"
+            ) from None
         raise BusError(
             f"bus.url {config.bus.url}: LCM cannot open it. Most often there is no route for "
             f"multicast; this makes one: {route_remedy(config.bus.url)}. "
             "`klab doctor` looks closer."
         ) from None
-
-
-def route_remedy(url: str) -> str:
-    """Return how to make the route that a URL needs: within one machine, or out of it."""
-    ttl = re.search(r"[?&]ttl=(\d+)", url)
-    if ttl is not None and int(ttl[1]) > 0:
-        return (
-            "sudo ip route add 224.0.0.0/4 dev eth0 (with the interface to the other machines in "
-            "place of eth0)"
-        )
-    return "sudo ip link set lo multicast on && sudo ip route add 224.0.0.0/4 dev lo"
 
 
 MOST_AT_ONCE = 20_000

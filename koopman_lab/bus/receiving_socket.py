@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import socket
 import struct
 import sys
@@ -10,12 +11,11 @@ from array import array
 from collections.abc import Iterator
 from pathlib import Path
 
+from koopman_lab.bus.bus_url import MULTICAST
 from koopman_lab.bus.datagram_filter import Program, packed
 
 ATTACH_FILTER = 26
 """SO_ATTACH_FILTER of Linux, which Python does not name."""
-MULTICAST = range(224, 240)
-"""First byte of a group's address."""
 PROCESS = Path("/proc/self")
 SLEEPING, GONE = "S", ""
 """The first is one of the states of proc_pid_stat(5)."""
@@ -58,6 +58,17 @@ def receiving_socket(candidates: frozenset[int]) -> int | None:
                 if socket.inet_aton(host)[0] in MULTICAST:
                     return descriptor
     return None
+
+
+def is_held(port: int) -> bool:
+    """Return whether a program holds a UDP port for itself, so that nobody else can listen."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:
+        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            trial.bind(("", port))
+        except OSError as error:
+            return error.errno == errno.EADDRINUSE
+    return False
 
 
 def attach(descriptor: int, program: Program) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from koopman_lab.config.values import Section
+if TYPE_CHECKING:
+    from koopman_lab.config.values import Section
 
-S = TypeVar("S", bound=Section)
+S = TypeVar("S", bound="Section")
 
 
 def changed(config: S, section: str, **changes: Any) -> S:

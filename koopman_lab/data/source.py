@@ -11,6 +11,7 @@ from koopman_lab.data.dat import is_folder, read_folder
 from koopman_lab.data.dataset import DataSet
 from koopman_lab.data.decode import PassedOver, SessionLog
 from koopman_lab.errors import DataError
+from koopman_lab.eventlog.log_name import log_file
 
 ENDING = ".npz"
 GEOMETRY = ("wheel_radius_m", "track_width_m")
@@ -60,10 +61,8 @@ def open_source(
     """
     if is_folder(path):
         dataset = read_folder(path, robot_kind, dt_s)
-        file, folder = path, path
     elif path.suffix == ENDING:
         dataset = DataSet.load(path)
-        file, folder = path, path.parent
     else:
         log = SessionLog(path, salvage=salvage)
         config = log.config()
@@ -72,7 +71,19 @@ def open_source(
         return Source(dataset, config.model.dictionary, log.path, log.path.parent, log.passed_over)
     _require_processing(path, dataset, robot_kind, dt_s, window)
     name = load_config(robot=dataset.robot_kind).model.dictionary
-    return Source(dataset, name, file, folder, None)
+    return Source(dataset, name, path, folder_of(path), None)
+
+
+def is_there(path: Path) -> bool:
+    """Return whether there is anything at a source that :func:`open_source` could read."""
+    return is_folder(path) or (path if path.suffix == ENDING else log_file(path)).exists()
+
+
+def folder_of(path: Path) -> Path:
+    """Return where things made of a source belong, which :func:`open_source` need not have read."""
+    if is_folder(path):
+        return path
+    return path.parent if path.suffix == ENDING else log_file(path).parent
 
 
 def window_of(dataset: DataSet) -> int | None:

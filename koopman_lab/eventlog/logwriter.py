@@ -11,7 +11,7 @@ import shutil
 from pathlib import Path
 from types import TracebackType
 
-from koopman_lab.errors import LogError
+from koopman_lab.errors import LogError, LogNotWrittenError
 from koopman_lab.eventlog.eventlog import HEADER, LONGEST_NAME, SYNC_WORD
 from koopman_lab.files import open_file, replacing
 
@@ -184,7 +184,7 @@ class EventLogWriter:
         )
 
     def _write_error(self, error: OSError) -> LogError:
-        return LogError(
+        return LogNotWrittenError(
             f"{self._path}: cannot be written after {self._number} events: {error.strerror}; "
             "see whether the disk is full. What was written before is whole"
         )

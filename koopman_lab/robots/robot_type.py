@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import lcmtypes
-from koopman_lab.errors import ConfigError, LabStateError
+from koopman_lab.errors import ConfigError, UsageError
 from koopman_lab.robots.body_drive import BodyDrive
 from koopman_lab.robots.command_message import CommandMessage
 from koopman_lab.robots.standard_runs import StandardRuns
@@ -217,11 +217,11 @@ class RobotType:
 
         Raises
         ------
-        LabStateError
+        UsageError
             If there is none.
         """
         if self.command is None:
-            raise LabStateError(
+            raise UsageError(
                 f"the {self.name} robot has no command message, so that nobody can drive it; give "
                 "its description one, or simulate it with `klab simulate`"
             )
@@ -237,11 +237,11 @@ class RobotType:
 
         Raises
         ------
-        LabStateError
+        UsageError
             If it does not roll on two driven wheels.
         """
         if self.drive is None:
-            raise LabStateError(
+            raise UsageError(
                 f"{who} moves robots on two driven wheels, the {self.name} robot is none: its "
                 "description has no drive; run a program of its own that takes its commands"
             )

@@ -6,8 +6,10 @@ they end.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from typing import Any, NamedTuple, Protocol
 
 from koopman_lab.errors import LabStateError
@@ -57,10 +59,17 @@ class Processes:
     ----------
     workers
         Number of processes.
+    starting
+        Returns what surrounds the moment in which they are started.
     """
 
-    def __init__(self, workers: int) -> None:
+    def __init__(
+        self,
+        workers: int,
+        starting: Callable[[], AbstractContextManager[None]] = contextlib.nullcontext,
+    ) -> None:
         self.workers = workers
+        self._starting = starting
         self.where = "processes"
 
     def __call__(self, chunks: Sequence[Chunk]) -> Iterator[ChunkResult]:
@@ -77,7 +86,9 @@ class Processes:
         with joblib.parallel_config("loky", n_jobs=self.workers, inner_max_num_threads=1):
             pool = joblib.Parallel(return_as="generator_unordered", batch_size=1)
             try:
-                yield from pool(joblib.delayed(run_chunk)(*chunk) for chunk in chunks)
+                with self._starting():
+                    results = pool(joblib.delayed(run_chunk)(*chunk) for chunk in chunks)
+                yield from results
             except BrokenProcessPool:
                 raise WorkerLostError from None
 

@@ -20,7 +20,7 @@ from typing import Any
 
 from koopman_lab.errors import DataError, LabStateError
 from koopman_lab.figures.distribution_figure import draw_distribution
-from koopman_lab.files import write_csv, write_json
+from koopman_lab.files import write_csv, write_json, writing_where_named
 from koopman_lab.json_file import JsonTable, Refusal, read_table
 from koopman_lab.studies import deviation_table, result_cache
 from koopman_lab.studies.parking import COLUMNS, Case
@@ -100,6 +100,8 @@ def run_study(
     ------
     DataError
         If the folder holds a study and ``resume`` is not set, or it holds a different one.
+    NotWrittenError
+        If the folder cannot be written.
     LabStateError
         If another command is at work in the folder, or the pool cannot go on; what was done is
         kept.
@@ -223,13 +225,9 @@ def _summarise(
 @contextlib.contextmanager
 def _locked(folder: Path) -> Iterator[None]:
     """Keep others out of the folder; a lock ends with its process, however that ends."""
-    try:
+    with writing_where_named(folder):
         folder.mkdir(parents=True, exist_ok=True)
         file = (folder / "rows.jsonl").open("ab")
-    except OSError as error:
-        raise DataError(
-            f"{folder}: cannot be written ({error.strerror}); choose another folder with --out"
-        ) from None
     with file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -18,6 +18,7 @@ from offboard.bench.lockstep_speed import lockstep
 from offboard.bench.page_cost import view
 from offboard.bench.parks import parks
 from offboard.bench.soak.command import soak
+from offboard.bench.start_time import start
 from offboard.bench.stop import stop
 from offboard.bench.stop_command import estop
 from offboard.terminal import options
@@ -36,6 +37,7 @@ app.command()(stop)
 app.command()(soak)
 app.command()(flood)
 app.command()(estop)
+app.command()(start)
 
 
 @app.callback()

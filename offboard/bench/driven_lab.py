@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
 from offboard.lab.session_watch import START_LIMIT_S
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
+    from koopman_lab.config.schema import LabConfig
     from offboard.lab.run_folder import RunFolder
     from offboard.lab.supervisor import Supervisor
 

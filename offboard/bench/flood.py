@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from koopman_lab.config.schema import LabConfig
 from offboard.terminal import options
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.output import err, out
 
 if TYPE_CHECKING:
+    from koopman_lab.config.schema import LabConfig
     from offboard.bench.flooded_lab import Row
 
 
@@ -56,7 +57,7 @@ def flood(
     else:
         out.print(as_table(rows, lab.mocap.rate_hz, 60.0 * minutes))
     if any(row.death for row in rows.values()):
-        raise typer.Exit(2)
+        raise typer.Exit(ExitCode.NO)
 
 
 def _drive(lab: LabConfig, path: Path, minutes: float, heard_share: float | None) -> Row:

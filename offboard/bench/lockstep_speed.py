@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from koopman_lab.config.schema import LabConfig
 from offboard.terminal import options
 from offboard.terminal.output import out
 
 if TYPE_CHECKING:
     from koopman_lab.bus.lockstep import Lockstep
+    from koopman_lab.config.schema import LabConfig
     from offboard.bench.slalom import Slalom
 
 CHUNK_S = 1.0

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from koopman_lab.config.schema import LabConfig
 from koopman_lab.units import US_PER_S
 from onboard.motor_loop.command_arbiter import Command, Intent
 from onboard.motor_loop.loop import MotorLoop
 from onboard.plant.plant import Plant
+
+if TYPE_CHECKING:
+    from koopman_lab.config.schema import LabConfig
 
 STEP_M_PER_S, RAMP_M_PER_S2, WEAKER = 0.3, 0.2, 0.8
 BAND = 0.02

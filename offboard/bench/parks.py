@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from koopman_lab.config.change import changed
-from koopman_lab.config.schema import LabConfig
 from koopman_lab.geometry.planar import Pose, relative_to
 from offboard.terminal import options
 from offboard.terminal.needs import needs
@@ -23,6 +22,7 @@ from offboard.terminal.output import err, out, progress
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from koopman_lab.config.schema import LabConfig
     from koopman_lab.mpc.solver import Solver
     from koopman_lab.predictors.predictor import PredictionModel
 

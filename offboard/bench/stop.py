@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from koopman_lab.config.schema import LabConfig
 from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import Report, out, progress
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from koopman_lab.bus.realtime import Listener
+    from koopman_lab.config.schema import LabConfig
     from offboard.bench.stop_timer import StopTimer
     from offboard.lab.run_folder import RunFolder
 

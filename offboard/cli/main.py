@@ -1,91 +1,138 @@
-"""The ``klab`` command.
-
-Each command stands in the table by where it is. One that is named is imported alone, since all of
-them together take longer to load than most of them to run.
-"""
+"""The ``klab`` command."""
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import os
 import sys
-from collections.abc import Iterable
 from functools import cache
-from pkgutil import resolve_name
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
 from koopman_lab.errors import LabError
+from offboard.cli.command_group import KlabGroup
 from offboard.terminal.choices import Commands
-from offboard.terminal.output import err, show_crash
+from offboard.terminal.exit_codes import ExitCode, code_of
 
-EXPECTED_MISTAKE = 2
-INTERRUPTED = 130
+NAME = "klab"
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 """What a disk that is full, or may not be written, answers."""
 
-COMMANDS = {
-    "demo": "offboard.commands.demo:demo",
-    "up": "offboard.commands.up:up",
-    "status": "offboard.commands.status:status",
-    "down": "offboard.commands.down:down",
-    "view": "offboard.commands.view:view",
-    "topics": "offboard.commands.topics:topics",
-    "calibrate": "offboard.commands.calibrate:calibrate",
-    "train": "offboard.commands.data.train_model:train",
-    "park": "offboard.commands.park:park",
-    "compare": "offboard.commands.compare:compare",
-    "simulate": "offboard.commands.simulate:simulate",
-    "reference": "offboard.commands.drive_reference:reference",
-    "validate": "offboard.commands.data.validate:validate",
-    "reproduce": "offboard.reproduction.reproduce:reproduce",
-    "replay": "offboard.commands.replay_log:replay",
-    "rerun": "offboard.commands.rerun_node:rerun",
-    "goal": "offboard.commands.goal:goal",
-    "estop": "offboard.commands.estop:estop",
-    "fault": "offboard.commands.fault:fault",
-    "doctor": "offboard.commands.doctor:doctor",
-    "config": "offboard.commands.config:app",
-    "key": "offboard.commands.key:app",
-    "relay": "offboard.commands.relay:relay",
-    "foxglove": "offboard.commands.foxglove:foxglove",
-    "run": "offboard.cli.run:app",
-    "log": "offboard.commands.log:app",
-    "dataset": "offboard.commands.data.dataset_commands:app",
-    "model": "offboard.commands.data.model_info:app",
-    "figure": "offboard.commands.data.figure:app",
-    "bench": "offboard.bench.commands:app",
-    "study": "offboard.commands.studies.study:app",
-}
-"""Functions and groups, in the order of the help."""
-ABOUT_ALL = ("doctor",)
-"""Commands that say something of all commands."""
+
+def _show_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        typer.echo(f"{NAME} {version('koopman-lab')}")
+        raise typer.Exit(ExitCode.DONE)
 
 
-def app_of(names: Iterable[str]) -> Commands:
-    """Return the command line with some of the commands."""
-    commands = Commands(
-        help="Calibrate a differential-drive robot, learn its Koopman model, park it.",
-        no_args_is_help=True,
-        pretty_exceptions_enable=False,
-        rich_markup_mode=None,
-        context_settings={"help_option_names": ["-h", "--help"]},
-    )
-    # Without it a single command would be no subcommand.
-    commands.callback()(_group)
-    for name in names:
-        command = resolve_name(COMMANDS[name])
-        if isinstance(command, typer.Typer):
-            commands.add_typer(command, name=name)
-        else:
-            commands.command(name)(command)
-    return commands
+def _group(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_show_version, is_eager=True, help="Say which version this is."
+        ),
+    ] = False,
+) -> None:
+    """Calibrate a differential-drive robot, learn its Koopman model, park it."""
 
 
 @cache
 def whole_app() -> Commands:
-    """Return the command line with all commands."""
-    return app_of(COMMANDS)
+    """Return the whole command line; commands are imported when they are needed."""
+    klab = Commands(
+        cls=KlabGroup,
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    klab.callback()(_group)
+    return klab
+
+
+def command_line() -> Any:
+    """Return the command line as it is called."""
+    return typer.main.get_command(whole_app())
+
+
+def main() -> None:
+    """Run what was typed, and end with the exit code that says how it went.
+
+    An expected mistake is one message; so is a standard output that takes no more, as one on a full
+    disk.
+    """
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # whoever started us has closed it
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115
+    code = _run()
+    for stream in (sys.stdout, sys.stderr):
+        code = _flushed(stream, code)
+    sys.exit(code)
+
+
+def _run() -> Any:
+    try:
+        command_line()(prog_name=NAME)
+    except SystemExit as end:
+        return end.code
+    except KeyboardInterrupt:
+        return _end(ExitCode.INTERRUPTED, "interrupted")
+    except LabError as error:
+        return _end(code_of(error), str(error))
+    except OSError as error:
+        if error.errno in NO_ROOM:
+            return _no_room(error)
+        return _crash()
+    except Exception:  # whatever it is, the code says that it is ours
+        return _crash()
+    return ExitCode.DONE
+
+
+def _end(code: ExitCode, text: str) -> ExitCode:
+    from offboard.terminal.output import err
+
+    with contextlib.suppress(OSError):
+        err.print(f"{NAME}: {text}")
+    return code
+
+
+def _no_room(error: OSError) -> ExitCode:
+    file, remedy = "what is said or written here", "choose another place with --out"
+    if error.filename is not None:
+        file = error.filename
+    return _end(
+        ExitCode.LAB_FAILURE,
+        f"{file}: cannot be written ({error.strerror}); make room on the disk, or {remedy}",
+    )
+
+
+def _crash() -> ExitCode:
+    from offboard.terminal.output import show_crash
+
+    with contextlib.suppress(OSError):
+        show_crash(*sys.exc_info())
+    return _end(ExitCode.CRASH, "the above is a fault of this program; please report it")
+
+
+def _flushed(stream: Any, code: Any) -> Any:
+    """Write what is left; return the exit code, which is another one where nobody takes it."""
+    try:
+        stream.flush()
+        return code
+    except BrokenPipeError:
+        code = ExitCode.UNREAD
+    except OSError as error:
+        code = _no_room(error)
+    # The interpreter is not to try it once more at its end.
+    with contextlib.suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+    return code
 
 
 def __getattr__(name: str) -> Any:
@@ -94,32 +141,7 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(name)
 
 
-def main() -> None:
-    """Run the command; an expected mistake is one message and exit code 2."""
-    named = sys.argv[1] if len(sys.argv) > 1 else ""
-    alone = named in COMMANDS and named not in ABOUT_ALL
-    sys.excepthook = show_crash
-    try:
-        (app_of([named]) if alone else whole_app())()
-    except LabError as error:
-        err.print(f"klab: {error}")
-        sys.exit(EXPECTED_MISTAKE)
-    except OSError as error:
-        if error.errno not in NO_ROOM:
-            raise
-        file = "what is said or written here" if error.filename is None else error.filename
-        err.print(
-            f"klab: {file}: cannot be written ({error.strerror}); make room on the disk, or choose "
-            "another place with --out"
-        )
-        sys.exit(EXPECTED_MISTAKE)
-    except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
-
-
-def _group() -> None:
-    pass
-
-
 if __name__ == "__main__":
-    main()
+    from offboard.cli.start import ended_quietly
+
+    ended_quietly(main)

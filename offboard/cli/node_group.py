@@ -6,14 +6,13 @@ from collections.abc import Callable
 from typing import Any
 
 import typer
-from typer.core import TyperGroup
 
 from koopman_lab.robots.table import DEFAULT_ROBOT
 from offboard.terminal import options
-from offboard.terminal.choices import Commands
+from offboard.terminal.choices import Commands, Group
 
 
-class NodeGroup(TyperGroup):
+class NodeGroup(Group):
     """Our own commands, and behind them one for each node of another package.
 
     Such a command is made when it is run or listed; the package is imported only when it is run.
@@ -42,7 +41,7 @@ def _command(name: str) -> Any:
     """Return the command that runs a node of another package."""
     from koopman_lab.bus.processes import PROCESSES, build
 
-    app = Commands(add_completion=False, rich_markup_mode=None)
+    app = Commands(add_completion=False)
     example = f"Example: klab run {name} --robot {DEFAULT_ROBOT}"
     text = f"Run the {PROCESSES.origin(name)}.\n\n{example}"
     app.command(name, help=text)(node_command(lambda lab: build(name, lab)))

@@ -3,30 +3,47 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 
-INTERRUPTED = 130
 STOP = "estop"
 """The command that does not wait until the others are loaded."""
 
 
 def main() -> None:
     """Load the command and run it."""
+    ended_quietly(_load_and_run)
+
+
+def ended_quietly(run: Callable[[], None]) -> None:
+    """Run something; Ctrl-C ends it in a word, and nothing after its end."""
     try:
-        if sys.argv[1:2] == [STOP]:
-            # First of all, as all that follows is loaded the sooner for it.
-            from koopman_lab.bus.priority import STOP_PRIORITY, ask_for_priority
-
-            ask_for_priority(STOP_PRIORITY)
-            from offboard.cli.stop_at_once import stop_at_once
-
-            code = stop_at_once(sys.argv[2:])
-            if code is not None:
-                sys.exit(code)
-        from offboard.cli.main import main as run
-
         run()
     except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
+        from offboard.terminal.exit_codes import ExitCode
+
+        sys.stderr.write("klab: interrupted\n")
+        sys.exit(ExitCode.INTERRUPTED)
+    finally:
+        import signal
+
+        # All is said and done; what is left is the interpreter's own end.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _load_and_run() -> None:
+    if sys.argv[1:2] == [STOP]:
+        # First of all, as all that follows is loaded the sooner for it.
+        from koopman_lab.bus.priority import STOP_PRIORITY, ask_for_priority
+
+        ask_for_priority(STOP_PRIORITY)
+        from offboard.cli.stop_at_once import stop_at_once
+
+        code = stop_at_once(sys.argv[2:])
+        if code is not None:
+            sys.exit(code)
+    from offboard.cli.main import main as run
+
+    run()
 
 
 if __name__ == "__main__":

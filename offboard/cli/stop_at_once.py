@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 if TYPE_CHECKING:
     from koopman_lab.config.schema import LabConfig
 
-EXPECTED_MISTAKE = 2
 FLAGS = {"--release": "release", "--all": "all_robots"}
 VALUES = {"--config": "config", "--robot-name": "robot_name", "--url": "url"}
 REPEATED = {"--set": "overrides"}
@@ -49,6 +48,7 @@ def stop_at_once(arguments: Sequence[str]) -> int | None:
     from koopman_lab.bus.realtime import Listener
     from koopman_lab.errors import LabError
     from offboard.commands.stop_robots import order_all, order_one
+    from offboard.terminal.exit_codes import code_of
     from offboard.terminal.visible_text import visible
 
     def say(text: str) -> None:
@@ -61,7 +61,7 @@ def stop_at_once(arguments: Sequence[str]) -> int | None:
         act(listener, lab, release=order.release, say=say)
     except LabError as error:
         say(f"klab: {error}")
-        return EXPECTED_MISTAKE
+        return code_of(error)
     return 0
 
 

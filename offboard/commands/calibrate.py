@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from koopman_lab.config.change import changed
-from koopman_lab.config.load import read_record
 from koopman_lab.errors import ConfigError
 from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
-from offboard.terminal.output import err, show_verdicts
+from offboard.terminal.exit_codes import ExitCode
+from offboard.terminal.output import err, print_summary, show_verdicts
 
 if TYPE_CHECKING:
     from offboard.desk.results import CalibrationSummary
@@ -31,6 +31,7 @@ def calibrate(
     robot_name: options.RobotsName = None,
     url: options.Url = None,
     out: options.Out = None,
+    as_json: options.AsJson = False,
     resume: Annotated[
         Path | None,
         typer.Option(
@@ -43,10 +44,12 @@ def calibrate(
     """Record a calibration session: DIR/session.lcm, DIR/config.yaml, DIR/summary.json.
 
     In real time plant and onboard loop are started too, unless they run already. What is recorded
-    is judged; without usable samples the session is not complete, and the exit code is 1.
+    is judged; without usable samples the session is not complete, and the exit code is 1. With
+    --json the summary is printed too.
 
     Example: klab calibrate --robot kinematic --lockstep --seed 1 --out runs/calibration
     """
+    from koopman_lab.config.load import read_record
     from offboard.lab import calibration
     from offboard.lab.session_watch import session_listener
 
@@ -77,8 +80,10 @@ def calibrate(
         folder = new_folder(out, "calibration", lab)
     summary = calibration.calibrate(lab, folder, listener, session)
     show(folder, summary)
+    if as_json:
+        print_summary(folder.summary)
     if not summary.complete:
-        raise typer.Exit(1)
+        raise typer.Exit(ExitCode.NO)
 
 
 def show(folder: RunFolder, summary: CalibrationSummary) -> None:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from koopman_lab.config.change import changed
 from koopman_lab.config.cost_table import COSTS
-from koopman_lab.config.schema import LabConfig
 from koopman_lab.robots.table import robot_type
 from offboard.commands.park import show
 from offboard.lab.run_folder import RunFolder, new_folder
@@ -16,6 +15,7 @@ from offboard.terminal.needs import needs
 from offboard.terminal.output import err
 
 if TYPE_CHECKING:
+    from koopman_lab.config.schema import LabConfig
     from koopman_lab.figures.path_figure import Curve
     from offboard.desk.results import ParkSummary
 

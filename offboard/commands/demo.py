@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from koopman_lab.eventlog.log_name import CALIBRATION_NAME
 from koopman_lab.robots.table import robot_type
 from offboard.commands.calibrate import show as show_session
 from offboard.commands.data.train_model import train_and_report
 from offboard.commands.park import show as show_park
 from offboard.lab.run_folder import new_folder
 from offboard.terminal import options
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.needs import needs
-from offboard.terminal.output import err, out
+from offboard.terminal.output import err, out, print_summary
 
 if TYPE_CHECKING:
     from offboard.desk.results import ParkSummary
@@ -40,11 +42,12 @@ def demo(
     robot_name: options.RobotsName = None,
     url: options.Url = None,
     directory: options.Out = None,
+    as_json: options.AsJson = False,
 ) -> None:
     """Calibrate, train, park, and show the result.
 
     In real time over LCM the kinematic robot takes about two and a half minutes; --lockstep takes
-    seconds.
+    seconds. Where the robot does not stand within the bounds in the end, the exit code is 1.
 
     Example: klab demo --robot dynamic --lockstep --out runs/demo
     """
@@ -63,10 +66,10 @@ def demo(
     if not lockstep:
         minutes = runs * SECONDS_PER_SEGMENT / 60.0
         err.print(f"{lab.robot.kind} robot, {runs} segments in real time: about {minutes:.0f} min")
-    session = new_folder(top.path / "calibration", "calibration", lab)
+    session = new_folder(top.path / CALIBRATION_NAME, CALIBRATION_NAME, lab)
     calibration = calibrate(lab, session, listener)
     show_session(session, calibration)
-    model = train_and_report([session.path], top.path / "model.npz")
+    model = train_and_report([session.path], top.path / "model.npz", silent=as_json)
     run = new_folder(top.path / "park", "park", lab)
     start = options.start_or_default(None, standard.park_start)
     result = park(lab, run, listener, Parking(model, start=start))
@@ -74,9 +77,12 @@ def demo(
     passed = _verdict(result)
     parts = {"calibration": calibration.model_dump(), "park": result.model_dump()}
     top.write_summary(lab, {"what": "demo", "passed": passed} | parts)
-    _table(result, run.path / "path.png", passed=passed)
+    if as_json:
+        print_summary(top.summary)
+    else:
+        _table(result, run.path / "path.png", passed=passed)
     if not passed:
-        raise typer.Exit(1)
+        raise typer.Exit(ExitCode.NO)
 
 
 def _verdict(result: ParkSummary) -> bool:

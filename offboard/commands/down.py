@@ -13,6 +13,7 @@ import typer
 from offboard.commands.status import listen_to_all
 from offboard.commands.topics import spin_for
 from offboard.terminal import options
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.output import err
 from offboard.terminal.visible_text import one_line
 
@@ -220,4 +221,4 @@ def _report(robots: Sequence[_RobotsCommands], view: LabView, now_us: int) -> No
     if still_running:
         raise LabStateError("; ".join(still_running))
     if goes_on:
-        raise typer.Exit(1)
+        raise typer.Exit(ExitCode.NO)

@@ -8,7 +8,8 @@ import typer
 
 from offboard.lab.run_folder import new_folder
 from offboard.terminal import options
-from offboard.terminal.output import err
+from offboard.terminal.exit_codes import ExitCode
+from offboard.terminal.output import err, print_summary
 
 
 def reference(
@@ -25,6 +26,7 @@ def reference(
     robot_name: options.RobotsName = None,
     url: options.Url = None,
     out: options.Out = None,
+    as_json: options.AsJson = False,
 ) -> None:
     """Drive a shape again and again in open loop: DIR/session.lcm, config.yaml, summary.json.
 
@@ -52,5 +54,7 @@ def reference(
         f"{summary.runs} of {summary.runs_wanted} runs ({summary.shape}) in "
         f"{summary.duration_s:.1f} s, {summary.mocap_messages_lost} frames lost: {folder.path}"
     )
+    if as_json:
+        print_summary(folder.summary)
     if not summary.complete:
-        raise typer.Exit(1)
+        raise typer.Exit(ExitCode.NO)

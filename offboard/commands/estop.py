@@ -24,7 +24,7 @@ def estop(
 
     With --all every robot that is heard on the bus is stopped, or released, all at the same time,
     and also that of the configuration as long as none is heard. Each is named once it says so; the
-    exit code is 2, with their names, where some do not.
+    exit code is 3, with their names, where some do not.
 
     A stop is kept on the robot's board until it is released, also over a restart. The first message
     goes out before anything is loaded that is not needed for it.

@@ -38,7 +38,9 @@ def fault(
     kind: Annotated[str, described_argument("fault", ROWS, "What goes wrong; one of those below.")],
     duration_s: Annotated[
         float,
-        typer.Option("--duration-s", min=0.0, help="How long; inf: for good; 0 ends it."),
+        typer.Option(
+            "--duration-s", metavar="S|inf", min=0.0, help="How long; inf: for good; 0 ends it."
+        ),
     ] = LASTS_S,
     wheel: Annotated[
         WheelName | None,

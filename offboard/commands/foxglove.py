@@ -8,6 +8,7 @@ import typer
 
 from koopman_lab.errors import LabStateError
 from offboard.terminal import options
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err
 
@@ -43,7 +44,6 @@ def foxglove(
     from foxglove import Context, start_server
 
     from koopman_lab.bus.realtime import StopSignals
-    from offboard.lab.session_runner import INTERRUPTED
     from offboard.viewer.foxglove_feed import FoxgloveFeed
 
     lab = options.resolve(config, overrides, robot, url=url)
@@ -65,7 +65,7 @@ def foxglove(
                 _spin(listener, stop)
     finally:
         server.stop()
-    raise typer.Exit(INTERRUPTED)
+    raise typer.Exit(ExitCode.INTERRUPTED)
 
 
 def _spin(listener: Listener, stop: StopSignals) -> None:

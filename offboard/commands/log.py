@@ -15,14 +15,13 @@ from offboard.commands.log_export import export, plot
 from offboard.commands.log_import import import_
 from offboard.terminal import options
 from offboard.terminal.choices import Commands
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.output import err, out, show_unreadable
 from offboard.terminal.visible_text import one_line
 
 if TYPE_CHECKING:
     from koopman_lab.data.channel_summary import ChannelSummary
 
-CHANGED = 1
-"""Exit code."""
 SHOWN = 10
 """Damaged places listed one by one."""
 
@@ -107,7 +106,7 @@ def verify(
         if not changed:
             out.print(f"ok: {file} is as the session left it")
     if changed:
-        raise typer.Exit(CHANGED)
+        raise typer.Exit(ExitCode.NO)
 
 
 def _identity_lines(rows: Mapping[str, ChannelSummary]) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ParamSpec
 import typer
 
 from koopman_lab.data.formats.table import FORMATS
-from koopman_lab.errors import DataError
+from koopman_lab.files import writing_where_named
 from offboard.terminal import options
 from offboard.terminal.choices import row_option
 from offboard.terminal.needs import needs
@@ -45,12 +45,8 @@ def plot(
 
     read = SessionLog(log, robot_name=robot_name, salvage=salvage)
     stem = file if file is not None else read.path.with_name(f"{read.path.stem}-plot")
-    try:
+    with writing_where_named(stem):
         draw_session(stem, session_plot(read))
-    except OSError as error:
-        raise DataError(
-            f"{stem}: cannot be written ({error.strerror}); choose another with --out"
-        ) from None
     show_passed_over(read.passed_over)
     err.print(f"figure: {stem.with_suffix('.png')}")
 
@@ -102,12 +98,8 @@ def export(
     events = read_rotated_log(log, salvage=salvage, damage=damage)
     path = log_file(log)
     out = file if file is not None else path.with_name(path.stem + FORMATS.get(format_).ending)
-    try:
+    with writing_where_named(out):
         written = write(events, out)
-    except OSError as error:
-        raise DataError(
-            f"{out}: cannot be written ({error.strerror}); choose another with --out"
-        ) from None
     show_damage(log, damage)
     for name, count in written.left_out.items():
         err.print(f"{one_line(name)}: {count} messages left out, none that this version can decode")

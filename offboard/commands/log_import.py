@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from koopman_lab.errors import DataError, LabStateError, LogError
+from koopman_lab.errors import LabStateError, LogError
+from koopman_lab.files import writing_where_named
 from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err
@@ -63,7 +62,7 @@ def import_(
         pose_topic=poses,
         command_topic=commands,
     )
-    with _explaining_write_errors(out):
+    with writing_where_named(out):
         imported = write_session(motion, lab, out)
     err.print(
         f"{imported.poses} poses at {imported.rate_hz:g} Hz of {one_line(motion.poses.topic)}, "
@@ -100,7 +99,7 @@ def _restore(recording: Path, out: Path) -> None:
 
     left_out: dict[str, int] = {}
     count = 0
-    with _explaining_write_errors(out), replacing_folder(out) as temporary:
+    with writing_where_named(out), replacing_folder(out) as temporary:
         with EventLogWriter(temporary / LOG_NAME) as log:
             for event in lab_events(recording, left_out):
                 log.write(event.channel, event.data, event.timestamp_us)
@@ -110,13 +109,3 @@ def _restore(recording: Path, out: Path) -> None:
     for topic, number in left_out.items():
         err.print(f"{one_line(topic)}: {number} messages left out, none of this version")
     err.print(f"{count} messages, as this lab exported them: {out}")
-
-
-@contextlib.contextmanager
-def _explaining_write_errors(out: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise DataError(
-            f"{out}: cannot be written ({error.strerror}); choose another folder with --out"
-        ) from None

@@ -10,8 +10,9 @@ import typer
 from koopman_lab.robots.table import robot_type
 from offboard.lab.run_folder import RunFolder, new_folder
 from offboard.terminal import options
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.needs import needs
-from offboard.terminal.output import err, show_verdicts
+from offboard.terminal.output import err, print_summary, show_verdicts
 
 if TYPE_CHECKING:
     from offboard.desk.results import ParkSummary
@@ -32,12 +33,13 @@ def park(
     robot_name: options.RobotsName = None,
     url: options.Url = None,
     out: options.Out = None,
+    as_json: options.AsJson = False,
 ) -> None:
     """Park the robot: DIR gets the log, summary.json, trajectory.csv and a figure of the path.
 
     The robot's kind is that of the model. A model that would drive it the wrong way, or is of
     another geometry, is refused. In real time plant and onboard loop are started too, unless they
-    run already.
+    run already. Where the robot is not parked in the end, the exit code is 1.
 
     Example: klab park --model runs/model.npz --start -1.1 -0.53 -42.68 --lockstep
     """
@@ -67,8 +69,10 @@ def park(
     folder = new_folder(out, "park", lab)
     summary = parking_run.park(lab, folder, listener, session)
     show(folder, summary)
+    if as_json:
+        print_summary(folder.summary)
     if not summary.parked:
-        raise typer.Exit(1)
+        raise typer.Exit(ExitCode.NO)
 
 
 def show(folder: RunFolder, summary: ParkSummary) -> None:

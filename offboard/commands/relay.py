@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
-import re
 import select
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,9 +14,6 @@ if TYPE_CHECKING:
     import lcm
 
     from koopman_lab.bus.realtime import StopSignals
-
-DEFAULT_GROUP, DEFAULT_PORT = "239.255.76.67", 7667
-"""What LCM takes where a URL leaves it out."""
 
 
 def relay(
@@ -103,31 +98,24 @@ def require_apart(source: str, guests: str) -> None:
 
     Raises
     ------
-    BusError
+    BusUrlError
         If they are on one port, or one of them is no bus of a network.
     """
-    from koopman_lab.errors import BusError
+    from koopman_lab.errors import BusUrlError
 
-    (_, port), (_, guests_port) = _group_and_port(source), _group_and_port(guests)
+    port, guests_port = _port(source), _port(guests)
     if port == guests_port:
-        raise BusError(
+        raise BusUrlError(
             f"--to {guests}: on the port of the lab's bus, {port}, a machine hears both, and what "
             f"guests say would come back; take another port, for example {port + 1}"
         )
 
 
-def _group_and_port(url: str) -> tuple[str, int]:
-    from koopman_lab.errors import BusError
+def _port(url: str) -> int:
+    from koopman_lab.bus.bus_url import parse_bus_url
+    from koopman_lab.errors import BusUrlError
 
-    parts = re.fullmatch(r"udpm://([0-9.]*)(?::(\d+))?/?(?:\?.*)?", url)
-    group, port = (parts[1] or DEFAULT_GROUP, int(parts[2] or DEFAULT_PORT)) if parts else ("", 0)
-    try:
-        is_multicast = ipaddress.IPv4Address(group).is_multicast
-    except ValueError:
-        is_multicast = False
-    if not is_multicast or not 0 < port < 65536:
-        raise BusError(
-            f"{url}: no bus that can be relayed; expected udpm://GROUP:PORT?ttl=N with a group "
-            "from 224.0.0.0 to 239.255.255.255"
-        )
-    return group, port
+    address = parse_bus_url(url)
+    if address.scheme != "udpm":
+        raise BusUrlError(f"{url}: cannot be relayed; expected udpm://GROUP:PORT?ttl=N")
+    return address.port

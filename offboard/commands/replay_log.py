@@ -12,6 +12,7 @@ import typer
 
 from koopman_lab.errors import BusError, ConfigError, LabStateError, LogError
 from offboard.terminal import options
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.output import err, progress
 
 if TYPE_CHECKING:
@@ -63,7 +64,6 @@ def replay(
     from koopman_lab.replay.timed_replay import Replay, clock_us, rhythm
     from koopman_lab.units import US_PER_S
     from offboard.commands.replay_steering import Steering
-    from offboard.lab.session_runner import INTERRUPTED
     from offboard.terminal.keyboard import Keyboard, has_keyboard
 
     if not 0.0 < speed < math.inf:
@@ -114,7 +114,7 @@ def replay(
             done = sending.run(show, steering.wait)
         except KeyboardInterrupt:
             err.print(f"interrupted after {reached_s:.1f} of {total_s:.1f} s of the log")
-            raise typer.Exit(INTERRUPTED) from None
+            raise typer.Exit(ExitCode.INTERRUPTED) from None
     err.print(
         f"{done.events} events of {(end_us - start_us) / US_PER_S:.1f} s sent in {done.took_s:.1f} "
         f"s on {url}, the latest {done.latest_s * 1e3:.1f} ms behind its time"

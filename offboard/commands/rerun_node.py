@@ -11,6 +11,7 @@ import typer
 from koopman_lab.errors import ConfigError
 from offboard.terminal import options
 from offboard.terminal.choices import name_option
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress, show_unreadable
 
@@ -114,7 +115,7 @@ def rerun(
     show_unreadable(session.path, outputs.passed_over)
     least = 1.0 if process.virtual else REAL_TIME_SHARE
     if _share(agreements) < least:
-        raise typer.Exit(1)
+        raise typer.Exit(ExitCode.NO)
 
 
 def _as_json(agreements: dict[str, Agreement]) -> dict[str, Any]:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from koopman_lab.config.change import changed
-from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ModelError
 from koopman_lab.robots.table import robot_type
 from offboard.lab.run_folder import RunFolder, new_folder
@@ -19,6 +18,7 @@ from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
+    from koopman_lab.config.schema import LabConfig
     from koopman_lab.predictors.predictor import PredictionModel
     from koopman_lab.studies.closed_loop import Run
 

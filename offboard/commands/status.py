@@ -9,6 +9,7 @@ import typer
 
 from offboard.commands.topics import spin_for
 from offboard.terminal import options
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.output import err, out
 from offboard.terminal.visible_text import one_line
 
@@ -60,7 +61,7 @@ def status(
         err.print(one_line(line))
     entries = [entry for entries in processes.values() for entry in entries]
     if doubts or not entries or any(entry.state in ("silent", "died") for entry in entries):
-        raise typer.Exit(1)
+        raise typer.Exit(ExitCode.NO)
 
 
 def listen_to_all(lab: LabConfig) -> tuple[Listener, LabView]:

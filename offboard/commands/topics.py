@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from offboard.terminal import options
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.output import err, out
 from offboard.terminal.visible_text import one_line, visible_json
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from koopman_lab.config.schema import LabConfig
     from offboard.monitor.streams import Flow, Streams
 
-INTERRUPTED = 130
 REFRESH_S = 0.5
 LOOK_S = 0.1
 MS = 1e3
@@ -69,7 +69,7 @@ def topics(
             else:
                 _show_until_interrupted(listener, lab, streams)
     except KeyboardInterrupt:
-        raise typer.Exit(INTERRUPTED) from None
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
 
 
 def _handler_into(streams: Streams) -> RawHandler:

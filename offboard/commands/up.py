@@ -27,6 +27,7 @@ from offboard.commands.view import (
 from offboard.lab.run_folder import new_folder
 from offboard.terminal import options
 from offboard.terminal.choices import name_option
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, status_line
 
@@ -75,7 +76,7 @@ def up(
     Example: klab up --robot dynamic --robot-name R2
     """
     from koopman_lab.bus.processes import STANDING, Stop, stopping
-    from koopman_lab.errors import LabStateError
+    from koopman_lab.errors import LabStateError, UsageError
     from offboard.lab.lab_lock import lab_lock
     from offboard.lab.present_nodes import present_nodes
     from offboard.lab.supervisor import start_missing, supervised
@@ -87,7 +88,7 @@ def up(
     for name in added_nodes or ():
         missing = set(PROCESSES.get(name).needs) - {*STANDING, *(added_nodes or ())}
         if missing:
-            raise LabStateError(
+            raise UsageError(
                 f"--with {name}: needs {', '.join(sorted(missing))}, which the lab does not run"
             )
     try:
@@ -129,7 +130,7 @@ def up(
                 _keep_page(listener, lab)
     except KeyboardInterrupt:
         err.print("stopped")
-        raise typer.Exit(130) from None
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
 
 
 def _start_page(listener: Listener, lab: Supervisor, page: socket.socket, host: str) -> None:

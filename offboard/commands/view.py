@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from offboard.terminal import options
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err
 
@@ -29,7 +30,6 @@ BACKLOG = 48
 of them is read, are fewer than one client may have."""
 PING_S = 20.0
 """A client that answers no ping for so long is gone."""
-INTERRUPTED = 130
 
 Host = Annotated[
     str,
@@ -68,7 +68,7 @@ def view(
     for override in overrides or ():
         for_jobs += ["--set", override]
     serve(lab, listen(host, port), token_for(host), for_jobs, as_configured=config is not None)
-    raise typer.Exit(INTERRUPTED)
+    raise typer.Exit(ExitCode.INTERRUPTED)
 
 
 def serve(
@@ -148,7 +148,7 @@ def serve(
     try:
         asyncio.run(run())
     except KeyboardInterrupt:
-        raise typer.Exit(INTERRUPTED) from None
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
 
 
 def free_port() -> int:

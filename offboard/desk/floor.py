@@ -6,7 +6,7 @@ import math
 
 from koopman_lab.config.sampler import Area
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import ConfigError, LabStateError
+from koopman_lab.errors import ConfigError, UsageError
 from koopman_lab.geometry.planar import Pose
 from offboard.desk.interlock import Cause, Interlock
 
@@ -39,17 +39,17 @@ def require_on_floor(pose: Pose, floor: Area, what: str = "goal") -> None:
 
     Raises
     ------
-    LabStateError
+    UsageError
         With the pose, the bounds and the key that sets them.
     """
     if not all(map(math.isfinite, pose)):
-        raise LabStateError(f"{what}: a pose needs three numbers, x1 and x2 in m and an angle")
+        raise UsageError(f"{what}: a pose needs three numbers, x1 and x2 in m and an angle")
     for name, value, (low, high) in (
         ("x1", pose.x1, floor.x1_m),
         ("x2", pose.x2, floor.x2_m),
     ):
         if not low <= value <= high:
-            raise LabStateError(
+            raise UsageError(
                 f"{what}: {name} = {value:g} m is outside [{low:g}, {high:g}] m; choose another, "
                 f"or enlarge floor.{name}_m if the floor is free there"
             )

@@ -5,16 +5,15 @@ from __future__ import annotations
 import subprocess
 import time
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from koopman_lab.config.load import dump_config
-from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import LabStateError
+from koopman_lab.errors import UsageError
 from koopman_lab.eventlog.log_name import LOG_NAME, SUMMARY_NAME
-from koopman_lab.eventlog.seal import seal_of
-from koopman_lab.files import write_json, write_text
+from koopman_lab.files import write_json, write_text, writing_where_named
+
+if TYPE_CHECKING:
+    from koopman_lab.config.schema import LabConfig
 
 
 @dataclass(frozen=True)
@@ -47,41 +46,38 @@ class RunFolder:
 
         Raises
         ------
-        LabStateError
+        NotWrittenError
             If it cannot be written.
         """
-        try:
+        from koopman_lab.config.load import dump_config
+
+        with writing_where_named(self.path):
             write_text(self.config, dump_config(config))
-        except OSError as error:
-            raise LabStateError(
-                f"{self.path}: cannot be written ({error.strerror}); choose another folder with "
-                "--out, or make room on the disk"
-            ) from None
 
     def write_summary(self, config: LabConfig, facts: dict[str, Any]) -> None:
         """Write ``summary.json``: the facts, what the run was made with, and the seal of its log.
 
         Raises
         ------
-        LabStateError
+        NotWrittenError
             If it cannot be written.
         """
+        from importlib.metadata import version
+
+        from koopman_lab.eventlog.seal import seal_of
+
         made_with: dict[str, Any] = {
             "robot": config.robot.kind,
             "seed": config.seed,
             "version": version("koopman-lab"),
             "revision": revision(),
         }
-        try:
+        whole = f"make room on the disk. What was recorded is whole: {self.log}"
+        with writing_where_named(self.summary, whole):
             seal = {name: file.model_dump() for name, file in seal_of(self.log).items()}
             if seal:
                 made_with["log_files"] = seal
             write_json(self.summary, facts | made_with)
-        except OSError as error:
-            raise LabStateError(
-                f"{self.summary}: cannot be written ({error.strerror}); make room on the disk. "
-                f"What was recorded is whole: {self.log}"
-            ) from None
 
 
 def run_path(out: Path | None, what: str) -> Path:
@@ -94,12 +90,14 @@ def new_folder(out: Path | None, what: str, config: LabConfig) -> RunFolder:
 
     Raises
     ------
-    LabStateError
-        If the folder holds a run already, or cannot be made.
+    UsageError
+        If the folder holds a run already.
+    NotWrittenError
+        If it cannot be made.
     """
     folder = RunFolder(run_path(out, what))
     if folder.log.exists() or folder.summary.exists():
-        raise LabStateError(f"{folder.path}: holds a run already; choose another folder with --out")
+        raise UsageError(f"{folder.path}: holds a run already; choose another folder with --out")
     folder.write_config(config)
     return folder
 

@@ -32,9 +32,10 @@ from offboard.lab.run_folder import RunFolder
 from offboard.lab.session_kind import N, Outcome, SessionKind
 from offboard.lab.session_watch import RobotWatch, StartWatch
 from offboard.lab.supervisor import Supervisor, start_missing, supervised
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.output import Report, err, progress
 
-INTERRUPTED = 130
+INTERRUPTED = ExitCode.INTERRUPTED
 WAIT_S = 0.2
 """Between two looks at the processes."""
 
@@ -59,6 +60,8 @@ def keeping_the_log(folder: RunFolder, next_step: str = "") -> Iterator[None]:
         if folder.log.exists():
             err.print(f"interrupted; what was recorded is in {folder.log}")
             err.print(next_step, end="\n" if next_step else "")
+        else:
+            err.print(f"interrupted; nothing was recorded in {folder.path}")
         raise typer.Exit(INTERRUPTED) from None
     except LabError as error:
         if next_step and folder.log.exists():
@@ -178,9 +181,11 @@ def _in_real_time(
         if "onboard" not in present:
             stack.enter_context(lab_lock(config))
         lab = stack.enter_context(supervised(config, folder, listener))
+        report(0, 0, "waits for the processes of the lab to start")
         start_missing(lab, present, folder, resume=kind.resume_us is not None)
         if kind.start is not None:
             by_hand = "onboard" in present and "plant" not in present
+            report(0, 0, "waits for the cameras to see the robot at its start")
             place(listener, config, kind.start, by_hand=by_hand)
         lab.start(kind.node_name, *kind.arguments(), "--result", result)
         robot.commander = commander_number(kind.node_name, lab.process(kind.node_name))
@@ -202,6 +207,8 @@ def _show_progress(
     start = StartWatch(kind.node_name, kind.waits_for(config), kind.start_limit_s(config))
     first_us: int | None = None
     obstacle = ""
+    needs = f"waits for {kind.waits_for(config)}"
+    report(0, 0, needs)
 
     def hear(interlock: Any) -> None:
         nonlocal obstacle
@@ -214,7 +221,8 @@ def _show_progress(
         now_us = listener.now_us()
         first_us = now_us if first_us is None else first_us
         done, total, note = kind.progress_reported(state, (now_us - first_us) / US_PER_S, config)
-        notes = note, f"waits: {obstacle}" if obstacle else ""
+        waits_for = f"waits: {obstacle}" if obstacle else "" if start.begun else needs
+        notes = note, waits_for
         report(done, total, "; ".join(filter(None, notes)))
 
     listener.subscribe(INTERLOCK, hear)

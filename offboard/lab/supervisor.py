@@ -19,6 +19,7 @@ from koopman_lab.bus.processes import Stop, process
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import LabStateError
+from koopman_lab.files import writing_where_named
 from koopman_lab.units import US_PER_S
 from offboard.lab.child_process import KILLED, end_child, exit_text, silence_text
 from offboard.lab.process_notes import ProcessNote, last_lines
@@ -75,7 +76,7 @@ class Supervisor:
 
         Raises
         ------
-        LabStateError
+        NotWrittenError
             If that file cannot be written.
         """
         command_line = module_command(
@@ -83,14 +84,9 @@ class Supervisor:
             *("--lifeline-fd", str(self._lifeline_read), *arguments),
         )
         file = self._folder.process_log(name)
-        try:
+        with writing_where_named(file, "see whether the disk is full or read-only"):
             file.parent.mkdir(exist_ok=True)
             log = file.open("ab")
-        except OSError as error:
-            raise LabStateError(
-                f"{file}: cannot be written ({error.strerror}); see whether the disk is full or "
-                "read-only"
-            ) from None
         with log:
             self._children[name] = subprocess.Popen(
                 command_line,

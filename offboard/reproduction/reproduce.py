@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from koopman_lab.errors import LabStateError
+from koopman_lab.errors import UsageError
 from koopman_lab.files import write_json
 from offboard.lab.run_folder import run_path
 from offboard.terminal import options
@@ -91,7 +91,7 @@ def _open_folder(base: Path, request: dict[str, Any], *, resume: bool) -> None:
 
     Raises
     ------
-    LabStateError
+    UsageError
         If it holds something else, or cannot be written.
     """
     file = base / REQUEST
@@ -99,25 +99,23 @@ def _open_folder(base: Path, request: dict[str, Any], *, resume: bool) -> None:
         before = json.loads(file.read_text()) if file.exists() else None
         if before is None:
             if base.exists() and any(base.iterdir()):
-                raise LabStateError(
-                    f"{base}: holds something else; choose another folder with --out"
-                )
+                raise UsageError(f"{base}: holds something else; choose another folder with --out")
             write_json(file, request)
             return
     except (OSError, ValueError) as error:
-        raise LabStateError(
+        raise UsageError(
             f"{file}: cannot be used ({error}); choose another folder with --out"
         ) from None
     if not resume:
-        raise LabStateError(
+        raise UsageError(
             f"{base}: holds a reproduction; go on with it by --resume, or choose another folder "
             "with --out"
         )
     if not isinstance(before, dict):
-        raise LabStateError(f"{file}: cannot be used (no table); choose another folder with --out")
+        raise UsageError(f"{file}: cannot be used (no table); choose another folder with --out")
     if before != request:
         size = "with" if before.get("quick") else "without"
-        raise LabStateError(
+        raise UsageError(
             f"{base}: was begun {size} --quick and with --seed {before.get('seed')}; go on with "
             "the same, or choose another folder with --out"
         )

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from koopman_lab.errors import DataError, LabStateError
+from koopman_lab.errors import DataError, LabStateError, UsageError
 from koopman_lab.files import sha256, write_json
 from koopman_lab.json_file import JsonTable, Refusal, read_table
 from offboard.lab.python_process import module_command
@@ -88,13 +88,13 @@ def with_needs(steps: Sequence[Step], names: Sequence[str]) -> list[Step]:
 
     Raises
     ------
-    LabStateError
+    UsageError
         If no step has such a name.
     """
     selected = set(names)
     unknown = selected - {step.name for step in steps}
     if unknown:
-        raise LabStateError(
+        raise UsageError(
             f"{', '.join(sorted(unknown))}: no such step; there are "
             f"{', '.join(step.name for step in steps)}"
         )

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from koopman_lab.bus.channels import SAMPLER_STATE
 from koopman_lab.data.decode import SessionLog
-from koopman_lab.errors import LabStateError
+from koopman_lab.errors import UsageError
 from koopman_lab.units import US_PER_S
 from offboard.sampler.sampler_step import Progress
 
@@ -30,20 +30,20 @@ def interrupted(folder: Path) -> Interrupted:
     ------
     LogError
         If there is no log, or it cannot be used.
-    LabStateError
+    UsageError
         If there is nothing to go on with, or nothing left to do.
     """
     log = SessionLog(folder, salvage=True)
     states = log.array(SAMPLER_STATE)
     name = SAMPLER_STATE.name(log.robot_name)
     if not len(states):
-        raise LabStateError(
+        raise UsageError(
             f"{log.path}: holds no {name}, so no session began; record it again in another folder"
         )
     last = states[-1]
     done, total = int(last["segments_done"]), int(last["segments_total"])
     if done == total:
-        raise LabStateError(
+        raise UsageError(
             f"{folder}: complete already, {done} of {total} segments; `klab train {folder}` is next"
         )
     progress = Progress(done, int(last["segment"]) + 1, int(last["samples"]), int(last["redraws"]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import LabStateError
+from koopman_lab.errors import UsageError
 from koopman_lab.geometry.planar import REST, Pose, Velocity, wrap_angle
 from koopman_lab.robots.table import robot_type
 from koopman_lab.units import US_PER_S
@@ -90,7 +90,7 @@ class Sampler:
 
         Raises
         ------
-        LabStateError
+        UsageError
             If the sets leave no room for a run.
         """
         if self.phase not in (Phase.WAIT, Phase.BRAKE, Phase.DONE):
@@ -290,7 +290,7 @@ class Sampler:
             if self._planner.worth_driving(self._draw.pose, self._launch, u):
                 return
             self.redraws.add_draw()
-        raise LabStateError(
+        raise UsageError(
             f"sampler: none of {MOST_DRAWS} states drawn from sampler.draw_set stays in "
             f"sampler.admissible_set for {self._settings.smallest_steps} steps of basis input {u}; "
             "enlarge the set or lower sampler.smallest_steps"

@@ -10,10 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 from koopman_lab.errors import ConfigError
 from koopman_lab.registry import Registry, unknown_name
+from offboard.terminal import plain_help
 
 F = TypeVar("F", bound=Callable[..., Any])
 Names = Callable[[], Sequence[str]]
@@ -102,7 +103,26 @@ def _choices(noun: str, names: Names, parse: Callable[[str], str]) -> dict[str, 
 
 
 class Command(TyperCommand):
-    """A command whose help lists the choices of what this module makes."""
+    """A command whose help lists the choices of what this module makes.
+
+    Where it takes numbers, they may be negative.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read what was typed; a mistake is said in plain words, with where to read more.
+
+        For a completion the words are only counted: to read values takes longer than to begin.
+        """
+        if ctx.resilient_parsing:
+            ctx.params, ctx.args, _ = self.make_parser(ctx).parse_args(list(args))
+            return list(ctx.args)
+        try:
+            rest = super().parse_args(ctx, plain_help.with_negative_numbers(self, args))
+            plain_help.require_finite(self, ctx)
+            return rest
+        except Exception as error:
+            plain_help.explain(error, ctx)
+            raise
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
@@ -111,6 +131,14 @@ class Command(TyperCommand):
             if names is not None and names():
                 parameter.metavar = f"<{'|'.join(names())}>"
         super().format_help(ctx, formatter)
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return what stands behind the command in its first line."""
+        return ["[OPTIONS]", *plain_help.usage_of_arguments(self, ctx)]
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write what is typed, in plain words."""
+        _write_options(self, ctx, formatter)
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write what the names stand for."""
@@ -122,8 +150,39 @@ class Command(TyperCommand):
                     formatter.write_dl(list(_ROWS[word].items()))
 
 
+class Group(TyperGroup):
+    """Several commands, each of which the help describes by its whole first sentence."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write what is typed, in plain words."""
+        _write_options(self, ctx, formatter)
+        self.format_commands(ctx, formatter)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands."""
+        commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        rows = [
+            (name, command.short_help or plain_help.first_sentence(command.help or ""))
+            for name, command in commands
+            if command is not None and not command.hidden
+        ]
+        if rows:
+            with formatter.section("Commands"):
+                formatter.write_dl(rows)
+
+
+def _write_options(command: Any, ctx: Any, formatter: Any) -> None:
+    for title, rows in zip(("Arguments", "Options"), plain_help.rows_of(command, ctx), strict=True):
+        if rows:
+            with formatter.section(title):
+                formatter.write_dl(rows)
+
+
 class Commands(typer.Typer):
     """Several commands under one word, each of the class :class:`Command`."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**{"cls": Group, "rich_markup_mode": None} | settings)
 
     def command(self, *arguments: Any, **options: Any) -> Callable[[F], F]:
         """Return what makes a function a command; see :meth:`typer.Typer.command`."""

@@ -13,8 +13,6 @@ import typer
 
 from koopman_lab.config import presets
 from koopman_lab.config.cost_table import COSTS
-from koopman_lab.config.load import load_config
-from koopman_lab.config.schema import LabConfig
 from koopman_lab.errors import ConfigError, DataError
 from koopman_lab.geometry.planar import Pose, wrap_angle
 from koopman_lab.robots.table import DEFAULT_ROBOT, ROBOTS
@@ -22,6 +20,7 @@ from offboard.terminal.choices import row_option
 
 if TYPE_CHECKING:
     from koopman_lab.bus.realtime import Listener
+    from koopman_lab.config.schema import LabConfig
 
 
 class ShapeName(str, Enum):
@@ -36,10 +35,28 @@ ConfigFile = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="YAML file with any part of the configuration."),
 ]
+
+
+def _completed_key(incomplete: str) -> list[tuple[str, str]]:
+    """Return the keys that what is being typed may become, each with its default."""
+    from koopman_lab.config.key_reference import leaves_of, unit_of
+    from koopman_lab.config.load import load_config
+
+    values = load_config().model_dump(mode="json")
+    return [
+        (f"{'.'.join(key)}=", f"{value} {unit_of(key)}".strip())
+        for key, value in leaves_of(values)
+        if ".".join(key).startswith(incomplete)
+    ]
+
+
 Overrides = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="KEY=VALUE", help="Override one key, e.g. controller.horizon=40."
+        "--set",
+        metavar="KEY=VALUE",
+        help="Override one key, e.g. controller.horizon=40; `klab config keys` lists them.",
+        autocompletion=_completed_key,
     ),
 ]
 Robot = Annotated[
@@ -138,6 +155,8 @@ def resolve(
     ConfigError
         If it is not valid.
     """
+    from koopman_lab.config.load import load_config
+
     changes = list(overrides or ())
     if seed is not None:
         changes.append(f"seed={seed}")

@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as RichProgress
 from rich.segment import Segment
 from rich.text import Text
 
+from offboard.terminal.exit_codes import ExitCode
+from offboard.terminal.progress_lines import Progress, progress_lines
 from offboard.terminal.visible_text import one_line, visible, visible_json
 
 if TYPE_CHECKING:
@@ -42,6 +44,13 @@ class PlainConsole(Console):
         for segment in super().render(renderable, options):
             yield segment if segment.control else segment._replace(text=visible(segment.text))
 
+    def on_broken_pipe(self) -> None:
+        """End where whoever read has gone, with the exit code that says so."""
+        try:
+            super().on_broken_pipe()
+        except SystemExit:
+            raise SystemExit(ExitCode.UNREAD) from None
+
     def print_json(self, json: str | None = None, **options: Any) -> None:
         """Print JSON, in which what does not show is written as JSON has it."""
         from rich.highlighter import JSONHighlighter
@@ -65,6 +74,14 @@ def show_crash(kind: type[BaseException], error: BaseException, where: Any) -> N
     import traceback
 
     err.print("".join(traceback.format_exception(kind, error, where)), end="")
+
+
+def print_summary(file: Path) -> None:
+    """Print the summary of a run as JSON, with the folder that holds it."""
+    import json
+
+    summary = json.loads(file.read_text(encoding="utf-8"))
+    out.print_json(json.dumps({"folder": str(file.parent)} | summary))
 
 
 def show_damage(file: Path, damage: Sequence[Damage]) -> None:
@@ -103,7 +120,7 @@ class Report(Protocol):
     """Takes how far the work is."""
 
     def __call__(self, done: float, total: float, note: str = "") -> None:
-        """Show ``done`` of ``total`` and a few words."""
+        """Show ``done`` of ``total`` and a few words; ``total`` is 0 while nobody knows it."""
 
 
 @contextlib.contextmanager
@@ -126,20 +143,14 @@ def progress(what: str, unit: str = "") -> Iterator[Report]:
 
 @contextlib.contextmanager
 def _progress_bar(what: str, unit: str) -> Iterator[Report]:
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[unit]}", markup=False),
-        TextColumn("{task.fields[note]}", markup=False),
-        TimeRemainingColumn(),
-        TextColumn("left"),
-    )
-    with Progress(*columns, console=err, speed_estimate_period=SPEED_PERIOD_S) as bar:
+    with _ProgressBar(console=err, speed_estimate_period=SPEED_PERIOD_S) as bar:
         task, began = bar.add_task(visible(what), total=None, unit=visible(unit), note=""), False
 
         def report(done: float, total: float, note: str = "") -> None:
             nonlocal began
+            if not total:
+                bar.update(task, note=visible(note))
+                return
             if not began:
                 # What was done before, in a session that goes on, says nothing of the speed.
                 bar.update(task, completed=done)
@@ -148,6 +159,23 @@ def _progress_bar(what: str, unit: str) -> Iterator[Report]:
             bar.update(task, completed=done, total=total, note=visible(note))
 
         yield report
+
+
+class _ProgressBar(RichProgress):
+    """Draws its tasks in lines that fit the terminal."""
+
+    def get_renderables(self) -> Iterator[RenderableType]:
+        """Give what is drawn."""
+        for task in self.tasks:
+            words = Progress(
+                task.description,
+                task.completed,
+                task.total or 0.0,
+                task.fields["unit"],
+                task.fields["note"],
+                task.time_remaining if task.total else None,
+            )
+            yield Text("\n".join(progress_lines(words, self.console.width)))
 
 
 @contextlib.contextmanager
@@ -167,8 +195,14 @@ class _PlainProgress:
         self._began: tuple[float, float] | None = None
         self._next_s = 0.0
         self._ended = False
+        self._waits_for = ""
 
     def __call__(self, done: float, total: float, note: str = "") -> None:
+        if not total:
+            if note != self._waits_for:
+                self._waits_for = note
+                err.print(f"{self._what}: {note}")
+            return
         now_s = time.monotonic()
         if self._began is None:
             self._began = now_s, done

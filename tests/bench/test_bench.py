@@ -152,3 +152,14 @@ def test_the_bench_of_the_stop_command_hears_its_first_message_beside_busy_loops
     assert [row["load"] for row in rows] == [0, 2]
     for row in rows:
         assert 0.0 < row["cpu_s"] <= row["wall_s"]
+
+
+def test_bench_start_times_help_and_completion_beside_the_library():
+    rows = klab_json("bench", "start", "--rounds", "1")
+    commands = [row["command"] for row in rows]
+    assert commands[:2] == ["python -c 'import typer'", "klab --help"]
+    assert any("[TAB]" in command for command in commands)
+    assert (rows[0]["wall_ratio"], rows[0]["cpu_ratio"]) == (1.0, 1.0)
+    for row in rows:
+        assert row["cpu_s"] > 0.0
+        assert row["wall_ratio"] == row["wall_s"] / rows[0]["wall_s"]

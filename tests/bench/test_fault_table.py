@@ -16,6 +16,7 @@ from offboard.bench.faults.fault_rows import Row, as_table, run_scenario
 from offboard.bench.faults.scenario import Scenario
 from offboard.bench.faults.scenarios import SCENARIOS
 from offboard.bench.faults.strikes import Inject
+from offboard.terminal.exit_codes import ExitCode
 
 ROWS = pytest.mark.parametrize(
     ("robot", "scenario"),
@@ -106,6 +107,6 @@ def test_planned_faults_strike_without_a_message(tmp_path):
     """In lockstep too, a session that cannot go on ends and says why."""
     planned = "simulation.faults=[{kind: motor_stalled, wheel: right, at_s: 3}]"
     done = klab("calibrate", "--lockstep", "--set", planned, "--out", tmp_path / "session")
-    assert done.returncode == 2
+    assert done.returncode == ExitCode.LAB_FAILURE
     assert "the robot is stopped (right wheel stuck)" in done.stderr
     assert "klab estop --release" in done.stderr

@@ -13,7 +13,7 @@ from koopman_lab.bus.lab_key import (
     write_new_key,
 )
 from koopman_lab.config.load import load_config
-from koopman_lab.errors import ConfigError
+from koopman_lab.errors import ConfigError, NotWrittenError
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def test_a_key_is_never_overwritten(file, tmp_path):
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(ConfigError, match="cannot be written"):
+    with pytest.raises(NotWrittenError, match="cannot be written"):
         write_new_key(tmp_path / "nowhere" / "lab.key")
 
 

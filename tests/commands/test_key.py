@@ -6,6 +6,7 @@ import pytest
 from klab import klab
 
 from koopman_lab.bus.lab_key import fingerprint, read_key
+from offboard.terminal.exit_codes import ExitCode
 
 
 def test_a_key_is_made_where_it_is_asked_for_and_once(tmp_path):
@@ -33,7 +34,7 @@ def test_doctor_says_whether_there_is_a_key_and_which(tmp_path):
     assert f"lab's key: ok ({fingerprint(read_key(file))}" in said
     file.chmod(0o644)
     done = klab("doctor", "--set", f"bus.key_file={file}")
-    assert done.returncode == 2
+    assert done.returncode == ExitCode.NO
     assert "lab's key: BROKEN" in done.stdout
 
 

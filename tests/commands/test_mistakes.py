@@ -1,7 +1,9 @@
-"""Expected mistakes: one message that names what and where, exit code 2, nothing half-written."""
+"""Expected mistakes: one message that names what and where, and nothing half-written."""
 
 import pytest
 from klab import environment, klab, klab_json, klab_ok
+
+from offboard.terminal.exit_codes import ExitCode
 
 
 @pytest.fixture(scope="module")
@@ -190,9 +192,11 @@ CASES = {
     ),
     "a bus that is none": (
         ("calibrate", "--url", "nonsense://", "--out", "{out}"),
-        ("nonsense://", "ip route add"),
+        ("nonsense://", "expected udpm://"),
     ),
 }
+OF_THE_LAB = ("goal that nobody drives to", "fault without a simulated robot")
+"""Cases in which nothing is wrong with what was typed."""
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -200,21 +204,22 @@ def test_one_clear_message(case, runs, tmp_path):
     arguments, said = CASES[case]
     out = tmp_path / "out"
     done = klab(*(a.format(runs=runs, out=out) for a in arguments), cwd=tmp_path)
-    assert done.returncode == 2, done.stderr
+    code = ExitCode.LAB_FAILURE if case in OF_THE_LAB else ExitCode.MISUSE
+    assert done.returncode == code, done.stderr
     assert "Traceback" not in done.stderr + done.stdout
     for words in said:
         assert words in done.stderr
     assert done.stderr.count("klab: ") == 1
-    if case != "a bus that is none":
-        assert list(tmp_path.iterdir()) == []
+    assert list(tmp_path.iterdir()) == []
 
 
-def test_doctor_says_how_to_mend_a_bus_that_cannot_be_opened():
+def test_doctor_says_how_to_mend_a_bus_that_is_none():
     done = klab(
         "doctor", "--bus-only", env=environment(LCM_DEFAULT_URL="udpm://nowhere.invalid:7667")
     )
-    assert done.returncode == 2
-    assert "ip route add 224.0.0.0/4 dev lo" in done.stdout
+    assert done.returncode == ExitCode.NO
+    assert "multicast: MISSING" in done.stdout
+    assert "'nowhere.invalid' is no address of a multicast group" in done.stdout
 
 
 def test_a_salvaged_log_trains(runs, tmp_path):

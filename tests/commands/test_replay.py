@@ -22,6 +22,7 @@ from koopman_lab.bus.channels import (
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.eventlog.eventlog import read_events
 from koopman_lab.replay.bus_steering import Control, control_message
+from offboard.terminal.exit_codes import ExitCode
 
 REFERENCE = Path(__file__).parents[1] / "data" / "reference" / "calibration.lcm"
 
@@ -60,7 +61,7 @@ def test_a_replay_onto_the_bus_of_a_live_robot_is_refused(session, bus_url):
     finally:
         onboard.send_signal(signal.SIGINT)
         assert onboard.wait(timeout=10) == 0
-    assert done.returncode == 2
+    assert done.returncode == ExitCode.LAB_FAILURE
     assert f"R1 is alive on {bus_url} (onboard)" in done.stderr
     assert "--url" in done.stderr
     assert "Traceback" not in done.stderr

@@ -16,6 +16,7 @@ from koopman_lab.config.load import load_config
 from koopman_lab.data.decode import SessionLog
 from koopman_lab.eventlog.eventlog import read_events
 from koopman_lab.eventlog.logwriter import EventLogWriter, files_of_log
+from offboard.terminal.exit_codes import ExitCode
 
 LIMIT_S = 60.0
 WAIT_S = 0.05
@@ -113,7 +114,7 @@ def test_a_process_killed_in_the_middle_costs_nothing_recorded(bus_url, tmp_path
     os.kill(pids[victim], signal.SIGKILL)
     struck_us = listener.now_us()
     said, _ = session.communicate(timeout=LIMIT_S)
-    assert session.returncode == 2
+    assert session.returncode == ExitCode.LAB_FAILURE
     assert f"{victim} died (signal SIGKILL)" in said
     assert f"klab calibrate --resume {folder}" in said
     before = SessionLog(folder).array(SAMPLER_STATE)["utime"]

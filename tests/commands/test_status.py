@@ -11,6 +11,7 @@ from real_bus import Ear
 
 from koopman_lab.bus.channels import HEARTBEATS, ONBOARD_STATUS, PROCESS
 from koopman_lab.eventlog.eventlog import read_events
+from offboard.terminal.exit_codes import ExitCode
 
 
 @pytest.fixture
@@ -88,8 +89,8 @@ def test_who_commands_is_ended_first_and_who_goes_on_is_named(up, bus_url, tmp_p
 @pytest.mark.parametrize(
     ("command", "code", "said"),
     [
-        (("down",), 2, "no `klab up`, `calibrate` or `park` of this machine"),
-        (("topics", "--once", "--seconds", "0.2"), 2, "nothing heard in 0.2 s"),
+        (("down",), ExitCode.LAB_FAILURE, "no `klab up`, `calibrate` or `park` of this machine"),
+        (("topics", "--once", "--seconds", "0.2"), ExitCode.LAB_FAILURE, "nothing heard in 0.2 s"),
         (("status",), 1, "no process heard"),
     ],
 )
@@ -107,6 +108,6 @@ def test_a_port_that_is_taken_is_one_clear_message(command, bus_url):
         taken.listen()
         port = str(taken.getsockname()[1])
         done = klab(*command, "--url", bus_url, "--port", port)
-    assert done.returncode == 2
+    assert done.returncode == ExitCode.LAB_FAILURE
     assert "page:" not in done.stdout + done.stderr
     assert f"--port {port}: cannot listen there" in done.stderr

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from koopman_lab.config.load import load_config
-from koopman_lab.errors import LabStateError
+from koopman_lab.errors import UsageError
 from koopman_lab.geometry.planar import Pose, Velocity, compose, relative_to
 from koopman_lab.mpc.configured_cost import stage_cost
 from koopman_lab.mpc.receding_horizon import RecedingHorizon
@@ -295,10 +295,10 @@ def test_a_moved_goal_has_the_whole_time_limit_before_it():
 )
 def test_a_goal_off_the_floor_is_refused_and_the_old_one_stays(goal, said):
     bench = Bench("kinematic", NEAR)
-    with pytest.raises(LabStateError, match=said):
+    with pytest.raises(UsageError, match=said):
         bench.controller.move_goal(goal, 0)
     assert bench.controller.goal == ORIGIN
-    with pytest.raises(LabStateError, match=said):
+    with pytest.raises(UsageError, match=said):
         Bench("kinematic", NEAR, goal=goal)
 
 

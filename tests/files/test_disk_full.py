@@ -12,6 +12,7 @@ from klab import KLAB, environment, klab
 
 from koopman_lab.errors import DiskError, LabError
 from koopman_lab.files import replacing, replacing_folder, write_json
+from offboard.terminal.exit_codes import ExitCode
 
 DATA = Path(__file__).parents[1] / "data" / "reference"
 LOG, MODEL, PARK = (str(DATA / name) for name in ("calibration.lcm", "model.npz", "park.lcm"))
@@ -62,7 +63,7 @@ def test_every_writer_says_in_one_line_that_the_disk_is_full(what, tmp_path):
         env=environment(PYTHONDONTWRITEBYTECODE="1"),
     )
     said = " ".join(done.stderr.split())
-    assert (done.returncode, "Traceback" in said) == (2, False), said
+    assert (done.returncode, "Traceback" in said) == (ExitCode.LAB_FAILURE, False), said
     assert said.count("klab: ") == 1
     assert "cannot be written" in said
     assert "File too large" in said
@@ -79,7 +80,7 @@ def test_output_that_nobody_takes_is_said():
             text=True,
             check=False,
         )
-    assert done.returncode == 2
+    assert done.returncode == ExitCode.LAB_FAILURE
     assert "No space left on device" in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
 

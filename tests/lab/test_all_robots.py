@@ -8,6 +8,7 @@ from klab import alive, klab, start_klab
 from real_bus import Ear
 
 from koopman_lab.bus.channels import ONBOARD_STATUS
+from offboard.terminal.exit_codes import ExitCode
 
 STATUS = ONBOARD_STATUS.type
 
@@ -59,7 +60,7 @@ def test_all_are_stopped_released_and_brought_down_by_name(robots, bus_url, tmp_
     try:
         Ear(bus_url, "R3").wait_for("logger")
         released = klab("estop", "--all", "--release")
-        assert released.returncode == 2
+        assert released.returncode == ExitCode.LAB_FAILURE
         assert "R1: released\n" in released.stderr
         assert "R2: released\n" in released.stderr
         assert "klab: R3 is silent: the message was sent 100 times" in released.stderr
@@ -103,10 +104,10 @@ def test_two_labs_go_down_at_the_same_time(robots):
 
 def test_where_nobody_is_heard_the_configured_robot_is_stopped_and_named():
     done = klab("estop", "--all", "--set", "robot.name=R7")
-    assert done.returncode == 2
+    assert done.returncode == ExitCode.LAB_FAILURE
     assert "no robot was heard, and R7 is silent: the message was sent 100 times" in done.stderr
     down = klab("down", "--all")
-    assert down.returncode == 2
+    assert down.returncode == ExitCode.LAB_FAILURE
     assert "no `klab up`, `calibrate` or `park` of this machine runs on" in down.stderr
 
 

@@ -12,6 +12,7 @@ from koopman_lab.units import US_PER_S
 from offboard.bench.faults.bounds import by_guard_after_turning
 from offboard.bench.faults.stage import is_at_rest, rolled_m
 from offboard.desk.floor import excess_m
+from offboard.terminal.exit_codes import ExitCode
 
 BUSY_S = 0.5
 """What other processes on the machine may hold a message up, on top of the bound."""
@@ -74,7 +75,7 @@ def test_a_robot_that_is_seen_elsewhere_than_placed_is_not_driven(bus_url, tmp_p
     planned = ("--set", "simulation.faults=[{kind: axes_exchanged, at_s: 0}]")
     session = start_klab(*PARK, "--start", "-0.5", "0.3", "0", *planned, "--out", tmp_path / "run")
     code, said = witness.end_of(session)
-    assert code == 2
+    assert code == ExitCode.LAB_FAILURE
     assert re.search(r"they see it at x1 0\.3\d* m, x2 -0\.(5|49|51)", " ".join(said.split()))
     assert not [s for s in witness.sights if abs(s.v_m_per_s) > 0.02]
 

@@ -29,6 +29,7 @@ from koopman_lab.bus.channels import (
 )
 from offboard.commands.rerun_node import REAL_TIME_SHARE
 from offboard.lab.process_notes import broken_labs
+from offboard.terminal.exit_codes import ExitCode
 
 LARGEST_SHARE_MISSED = 0.05
 """Of lcm-logger, on a machine that other tests keep busy; `klab bench logger` counts it alone."""
@@ -77,7 +78,7 @@ def test_a_process_that_dies_is_named_and_the_others_stop(up, ear, victim, tmp_p
     process, pids = up
     os.kill(pids[victim], signal.SIGKILL)
     said, _ = process.communicate(timeout=60)
-    assert process.returncode == 2
+    assert process.returncode == ExitCode.LAB_FAILURE
     assert f"{victim} died (signal SIGKILL)" in said
     file = str(tmp_path / "up" / "processes" / f"{victim}.log")
     assert file in said
@@ -100,12 +101,12 @@ def test_the_emergency_stop_holds_until_it_is_released(ear):
 def test_a_second_lab_on_the_same_bus_is_refused(up, ear, tmp_path, monkeypatch):
     second = ("up", "--out", tmp_path / "second")
     done = klab(*second)
-    assert done.returncode == 2
+    assert done.returncode == ExitCode.LAB_FAILURE
     assert f"process {up[0].pid} runs the lab of R1 already on {ear.url}" in done.stderr
     # Another user, or a person at another machine, has only heard it.
     monkeypatch.setenv("KOOPMAN_LAB_CACHE", str(tmp_path / "cache"))
     done = klab(*second)
-    assert done.returncode == 2
+    assert done.returncode == ExitCode.LAB_FAILURE
     assert "of R1 already on" in done.stderr
     assert not (tmp_path / "second").exists()
 

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import offboard.lab.session_runner
 from koopman_lab.config.load import load_config
-from koopman_lab.errors import ConfigError, LabStateError, ModelError
+from koopman_lab.errors import ConfigError, LabStateError, ModelError, UsageError
 from koopman_lab.geometry.planar import Pose
 from koopman_lab.mpc import receding_horizon
 from koopman_lab.predictors import table
@@ -77,7 +77,7 @@ def test_a_comparison_reads_its_model_once_and_makes_a_solver_for_each_controlle
     [
         (["controller.dt_s=0.1"], GOAL, ModelError, "sampling time"),
         (["controller.cost=ds"], GOAL, ConfigError, "controller.weights"),
-        ([], Pose(99.0, 0.0, 0.0), LabStateError, "floor"),
+        ([], Pose(99.0, 0.0, 0.0), UsageError, "floor"),
         ([], GOAL, None, ""),
     ],
 )

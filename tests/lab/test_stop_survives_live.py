@@ -13,6 +13,7 @@ from koopman_lab.bus.channels import MOTOR_CMD, PLANT_TRUTH
 from koopman_lab.config.load import dump_config, load_config
 from koopman_lab.files import STATE_VARIABLE
 from offboard.bench.faults.stage import TruthSample, is_at_rest
+from offboard.terminal.exit_codes import ExitCode
 
 STATUS = lcmtypes.onboard_status_t
 MESSAGES = 100
@@ -126,7 +127,7 @@ def test_where_no_stop_can_be_kept_a_start_is_a_stopped_start_in_words(
     assert board.ear.status.fault == STATUS.STOP_NOT_KEPT
     board.require_still()
     stop = estop()
-    assert stop.returncode == 2
+    assert stop.returncode == ExitCode.LAB_FAILURE
     assert "cannot keep a stop over a restart" in " ".join(stop.stderr.split())
     assert estop("--release").returncode == 0
     board.wait_until_it_drives()
@@ -137,7 +138,7 @@ def test_where_no_stop_can_be_kept_a_start_is_a_stopped_start_in_words(
 
 def test_a_second_program_on_the_same_board_is_refused_and_changes_nothing(board):
     second = klab("run", "onboard", "--preset", "lab", *board.options)
-    assert second.returncode == 2
+    assert second.returncode == ExitCode.LAB_FAILURE
     said = " ".join(second.stderr.split())
     assert f"process {board.onboard.pid} runs the onboard program of R1 already" in said
     board.wait_until_it_drives()

@@ -16,6 +16,7 @@ from real_bus import HOLDER, STATUS, StrangersLab, commands
 import lcmtypes
 from koopman_lab.bus import channels
 from koopman_lab.units import US_PER_S
+from offboard.terminal.exit_codes import ExitCode
 
 MOVED_M = 0.02
 """Nobody can call that noise: the plant's truth of a robot that stands does not change at all."""
@@ -106,7 +107,7 @@ def test_a_forged_status_makes_nobody_believe_that_a_robot_stopped(lab):
         speaking.stdin.close()
         speaking.wait(60)
     if lab.has_key:
-        assert done.returncode == 2
+        assert done.returncode == ExitCode.LAB_FAILURE
         assert "R1_ONBOARD_STATUS is silent" in done.stderr
         assert "without the lab's key" in done.stderr
     else:
@@ -140,7 +141,7 @@ def test_a_process_number_of_a_stranger_is_interrupted_by_nobody(lab, tmp_path, 
     )
     try:
         done = lab.klab("down")
-        assert done.returncode == 2
+        assert done.returncode == ExitCode.LAB_FAILURE
         assert victim.poll() is None
         assert all(alive(process.pid) for process in lab.processes)
     finally:

@@ -8,7 +8,7 @@ import pytest
 from koopman_lab.bus.channels import PROCESS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
-from koopman_lab.errors import LabStateError
+from koopman_lab.errors import LabStateError, NotWrittenError
 from offboard.lab import child_process
 from offboard.lab.child_process import KILLED
 from offboard.lab.run_folder import RunFolder
@@ -101,5 +101,5 @@ def test_it_is_said_where_only_sigkill_ended_a_process(bus_url, tmp_path, monkey
 def test_a_summary_that_cannot_be_written_is_one_clear_message(tmp_path):
     folder = RunFolder(tmp_path)
     folder.summary.mkdir()
-    with pytest.raises(LabStateError, match=r"summary\.json: cannot be .* whole: .*session\.lcm"):
+    with pytest.raises(NotWrittenError, match=r"summary\.json: cannot be .* whole: .*session\.lcm"):
         folder.write_summary(load_config(), {})

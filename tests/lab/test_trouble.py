@@ -9,6 +9,7 @@ from klab import MODEL, NO_RADIO_LOSS, SHORT_RUNS, klab, klab_ok, start_klab
 from koopman_lab.bus.channels import HEARTBEATS
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
+from offboard.terminal.exit_codes import ExitCode
 
 MOST_WAITS = 600
 WAIT_S = 0.05
@@ -41,7 +42,7 @@ def test_silent_cameras_are_said_and_not_waited_for(start, tmp_path):
     """The onboard loop's heartbeats go on all the while."""
     start("run", "onboard", until={"onboard"})
     done = klab("park", "--model", MODEL, "--out", tmp_path / "park")
-    assert done.returncode == 2, done.stderr
+    assert done.returncode == ExitCode.LAB_FAILURE, done.stderr
     assert "R1_MOCAP_POSE: silent" in done.stderr
     assert not (tmp_path / "park" / "summary.json").exists()
 
@@ -58,7 +59,7 @@ def test_a_model_file_that_cannot_be_written_is_said(tmp_path_factory, tmp_path)
     klab_ok("calibrate", "--lockstep", "--segments", "3", "--out", session, *SHORT_RUNS)
     (tmp_path / "in-the-way").mkdir()
     done = klab("train", session, "--out", tmp_path / "in-the-way")
-    assert done.returncode == 2
+    assert done.returncode == ExitCode.LAB_FAILURE
     assert "in-the-way: cannot be written" in done.stderr
     assert "--out" in done.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["in-the-way"]

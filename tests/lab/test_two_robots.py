@@ -9,6 +9,7 @@ from koopman_lab.bus.channels import ONBOARD_STATUS, split_name
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
 from koopman_lab.eventlog.eventlog import read_events
+from offboard.terminal.exit_codes import ExitCode
 
 MOST_WAITS = 600
 WAIT_S = 0.05
@@ -57,7 +58,7 @@ def test_one_robot_is_calibrated_while_the_other_parks(robots, bus_url, tmp_path
     )
     wait_until_held(bus_url, calibrated)
     refused = klab("calibrate", "--robot-name", calibrated, "--out", tmp_path / "second")
-    assert refused.returncode == 2, refused.stderr
+    assert refused.returncode == ExitCode.LAB_FAILURE, refused.stderr
     assert f"{calibrated}_ONBOARD_STATUS: the robot is held by sampler" in refused.stderr
     assert not (tmp_path / "second").exists()
     near = ("--start", "-0.4", "0.1", "20")

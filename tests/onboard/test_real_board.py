@@ -10,6 +10,7 @@ from koopman_lab.config.load import load_config
 from koopman_lab.config.simulation import Fault
 from koopman_lab.emulation.faults import KINDS, fault_message
 from koopman_lab.units import US_PER_S
+from offboard.terminal.exit_codes import ExitCode
 
 MESSAGES = 1000
 TICK_S = 0.01
@@ -71,7 +72,7 @@ def test_a_thousand_motor_commands_are_of_now_and_none_is_lost(board):
 def test_no_fault_is_obeyed_and_klab_fault_is_refused(board, bus_url):
     _, driver = board
     done = klab("fault", "radio-cut", "--url", bus_url)
-    assert done.returncode == 2
+    assert done.returncode == ExitCode.LAB_FAILURE
     assert done.stderr.count("klab: ") == 1
     assert "R1_PLANT_TRUTH is silent: only the simulated robot has faults" in done.stderr
     for kind in KINDS:

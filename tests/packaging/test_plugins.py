@@ -15,6 +15,7 @@ from real_bus import Ear, recorded
 import lcmtypes
 from koopman_lab.bus.channel import Channel
 from koopman_lab.bus.channels import ENCODER, MOCAP_POSE
+from offboard.terminal.exit_codes import ExitCode
 
 SUPPORT = Path(__file__).parents[1] / "support"
 MODULES = {name: (SUPPORT / f"{name}.py").read_text() for name in ("stranger", "stranger_models")}
@@ -122,7 +123,7 @@ def test_motors_and_cameras_of_a_stranger_take_the_place_of_the_plant(bus_url):
         }
         # No plant speaks beside them.
         refused = run("up")
-        assert refused.returncode == 2
+        assert refused.returncode == ExitCode.LAB_FAILURE
         assert "driver, mocap, onboard of R1 already on" in refused.stderr
     finally:
         end(*started)
@@ -290,7 +291,7 @@ def test_whoever_asks_for_nothing_that_is_broken_does_not_notice(broken, monkeyp
 def test_the_doctor_names_everything_that_is_broken(broken, monkeypatch):
     path_of(broken, monkeypatch)
     done = run("doctor")
-    assert done.returncode == 2
+    assert done.returncode == ExitCode.NO
     lines = [line for line in done.stdout.splitlines() if line.startswith("plug-in: BROKEN")]
     nodes = ("absent", "later", "pacer", "twice", "old")
     for name in (*nodes, "motors", "eyes", "omni", "kinematic", "huber", "ds", "resnet", "tape"):

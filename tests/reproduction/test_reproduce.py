@@ -12,7 +12,7 @@ import pytest
 import typer
 from klab import REFERENCE, klab
 
-from koopman_lab.errors import LabStateError
+from koopman_lab.errors import LabStateError, UsageError
 from koopman_lab.files import sha256
 from offboard.cli.main import app
 from offboard.reproduction import step_runner as runner
@@ -69,7 +69,7 @@ def test_a_step_comes_with_all_that_it_needs():
         *("kinematic-session", "kinematic-model", "kinematic-lab", "dynamic-session", "needed"),
     ]
     assert with_needs(listed, [step.name for step in listed]) == listed
-    with pytest.raises(LabStateError, match=r"no-step: no such step; there are kinematic-session"):
+    with pytest.raises(UsageError, match=r"no-step: no such step; there are kinematic-session"):
         with_needs(listed, ["needed", "no-step"])
 
 

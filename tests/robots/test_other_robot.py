@@ -12,7 +12,7 @@ from plugin_package import install
 
 from koopman_lab.bus import channels
 from koopman_lab.config.load import load_config
-from koopman_lab.errors import ConfigError, LabStateError, PluginError
+from koopman_lab.errors import ConfigError, PluginError, UsageError
 from koopman_lab.robots.command_message import CommandMessage
 from koopman_lab.robots.kinematic import KINEMATIC
 from koopman_lab.robots.table import ROBOTS
@@ -193,7 +193,7 @@ def test_a_channel_that_carries_another_message_is_refused(omni, message):
 
 @pytest.mark.usefixtures("omni")
 def test_without_a_message_nobody_commands_it():
-    with pytest.raises(LabStateError, match=r"omni robot has no command message.*klab simulate"):
+    with pytest.raises(UsageError, match=r"omni robot has no command message.*klab simulate"):
         Commands(Wire(), load_config(robot="omni"), "controller")
 
 
@@ -204,7 +204,7 @@ def test_without_a_message_nobody_commands_it():
     ids=["motor loop", "sampler", "reference driver"],
 )
 def test_what_moves_two_wheels_refuses_it_in_words(build):
-    with pytest.raises(LabStateError, match="on two driven wheels, the omni robot is none"):
+    with pytest.raises(UsageError, match="on two driven wheels, the omni robot is none"):
         build(load_config(robot="omni"))
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from koopman_lab.config.load import load_config
-from koopman_lab.errors import ConfigError, LabStateError
+from koopman_lab.errors import ConfigError, UsageError
 from koopman_lab.geometry.planar import REST, Pose, Velocity, compose, move_along_arc
 from offboard.desk.floor import excess_m
 from offboard.desk.interlock import Cause, Interlock
@@ -163,7 +163,7 @@ def test_a_robot_that_still_moves_after_lost_commands_is_brought_to_rest():
 
 def test_impossible_sets_end_with_a_remedy():
     world = World("kinematic", "sampler.admissible_set.x1_m=[2.0, 2.1]")
-    with pytest.raises(LabStateError, match=r"lower sampler\.smallest_steps"):
+    with pytest.raises(UsageError, match=r"lower sampler\.smallest_steps"):
         world.run(lambda a: a.phase is Phase.DONE)
 
 

@@ -53,17 +53,18 @@ def klab(*arguments: str | Path, **kwargs) -> subprocess.CompletedProcess[str]:
     command = [*KLAB, *map(str, arguments)]
     alone = command[3] in ALONE or {"--lockstep", "--help"} & set(command)
     if alone and not kwargs.keys() - {"cwd"}:
-        return _here(command, **kwargs)
+        return klab_here(*arguments, **kwargs)
     return subprocess.run(
         command, capture_output=True, text=True, check=False, timeout=LIMIT_S, **kwargs
     )
 
 
-def _here(command: list[str], cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+def klab_here(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run in this process to the end, and return what it said."""
     from offboard.cli.main import main
 
     said, told, before, folder = io.StringIO(), io.StringIO(), sys.argv, Path.cwd()
-    sys.argv = ["klab", *command[3:]]
+    sys.argv = command = ["klab", *map(str, arguments)]
     os.chdir(cwd or folder)
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(told):

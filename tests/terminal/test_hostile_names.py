@@ -22,7 +22,8 @@ from rich.tree import Tree
 from koopman_lab.bus.channels import MOCAP_POSE, ONBOARD_STATUS, PROCESS, SESSION_INFO
 from koopman_lab.errors import LabError
 from offboard.cli import main as cli
-from offboard.terminal.output import PlainConsole, show_crash
+from offboard.terminal.exit_codes import ExitCode
+from offboard.terminal.output import PlainConsole
 from offboard.terminal.visible_text import OBEYED, visible_json
 
 HOSTILE = (
@@ -191,16 +192,13 @@ def test_errors_show_the_names_they_speak_of(text, capsys, monkeypatch):
     def fail(error):
         raise error
 
-    monkeypatch.setattr(cli, "app_of", lambda _: lambda: fail(LabError(f"robot {text}")))
-    monkeypatch.setattr(sys, "argv", ["klab", "status"])
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
-    with pytest.raises(SystemExit):
-        cli.main()
-    assert sys.excepthook is show_crash
-    try:
-        raise ValueError(text)
-    except ValueError as error:
-        show_crash(ValueError, error, error.__traceback__)
+    codes = []
+    for error in (LabError(f"robot {text}"), ValueError(text)):
+        monkeypatch.setattr(cli, "command_line", lambda error=error: lambda **_: fail(error))
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        codes.append(ended.value.code)
+    assert codes == [ExitCode.MISUSE, ExitCode.CRASH]
     said = capsys.readouterr().err
     assert shown_safely(said)
     assert "klab: robot " in said

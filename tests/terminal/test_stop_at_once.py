@@ -5,11 +5,10 @@ import sys
 from pathlib import Path
 
 import pytest
-import typer.main
 from klab import environment
 
 from koopman_lab.config.load import load_config
-from offboard.cli.main import app_of
+from offboard.cli.main import command_line
 from offboard.cli.stop_at_once import FLAGS, REPEATED, VALUES, Order, addresses, parse
 from offboard.terminal import options
 
@@ -112,7 +111,7 @@ def test_robot_and_bus_are_those_of_the_command_line(arguments, tmp_path, monkey
 
 
 def test_every_option_of_the_command_is_known_and_no_other():
-    command = typer.main.get_command(app_of(["estop"])).commands["estop"]
+    command = command_line().commands["estop"]
     known = {o for parameter in command.params for o in parameter.opts}
     assert known - {"--help", "-h"} == FLAGS.keys() | VALUES.keys() | REPEATED.keys()
     names = {p.name for p in command.params} - {"help"}

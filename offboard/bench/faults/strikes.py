@@ -17,7 +17,7 @@ from koopman_lab.bus.channels import (
 )
 from koopman_lab.config.simulation import Fault
 from koopman_lab.emulation.faults import fault_message
-from koopman_lab.errors import LabStateError, ModelError
+from koopman_lab.errors import ModelError, UsageError
 from koopman_lab.geometry.planar import Pose
 from koopman_lab.predictors.nominal import NominalPrediction
 from koopman_lab.robots.table import ROBOTS, robot_type
@@ -76,7 +76,7 @@ def send_to(goal: Pose) -> Callable[[Stage], None]:
     def strike(stage: Stage) -> None:
         try:
             require_on_floor(goal, stage.config.floor)
-        except LabStateError as error:
+        except UsageError as error:
             stage.message = str(error)
         stage.lab.publish(GOAL, goal_message(goal, stage.lab.now_us))
 

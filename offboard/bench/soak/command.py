@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from offboard.terminal import options
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.needs import needs
 from offboard.terminal.output import out, progress
 
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
 
     from offboard.bench.soak.resources import Resources
     from offboard.bench.soak.soak import Soaked, Struck
-
-NOT_HELD = 1
-"""Exit code where the robot moved without permission, was late, or left the floor."""
 
 
 @needs("desk")
@@ -76,7 +74,7 @@ def soak(
         out.print(_resources_table(soaked.resources))
         out.print(_summary(soaked))
     if not all(map(holds, soaked.strikes)):
-        raise typer.Exit(NOT_HELD)
+        raise typer.Exit(ExitCode.NO)
 
 
 def holds(row: Struck) -> bool:

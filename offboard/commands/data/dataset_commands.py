@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-from collections.abc import Iterator
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from koopman_lab.errors import DataError
+from koopman_lab.files import writing_where_named
 from offboard.commands.data.dataset_needed import needed
 from offboard.commands.data.dataset_sweep import sweep
 from offboard.commands.data.marker_line import marker_line
@@ -124,7 +123,7 @@ def export(
     if layout is Format.npz:
         _save(_with_origin(opened), place)
     else:
-        with _explaining_write_errors(place):
+        with writing_where_named(place):
             write_folder(opened.dataset, place)
         _print_pairs(opened.dataset, place)
     show_passed_over(opened.passed_over)
@@ -195,23 +194,13 @@ def _save(dataset: DataSet, path: Path) -> None:
 
     if path.suffix != ENDING:
         raise DataError(f"{path}: data set files end in {ENDING}; say so with --out")
-    with _explaining_write_errors(path):
+    with writing_where_named(path):
         dataset.save(path)
     _print_pairs(dataset, path)
 
 
 def _print_pairs(dataset: DataSet, path: Path) -> None:
     err.print(f"{sum(map(len, dataset.X.values()))} pairs: {path}")
-
-
-@contextlib.contextmanager
-def _explaining_write_errors(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise DataError(
-            f"{path}: cannot be written ({error.strerror}); choose another place with --out"
-        ) from None
 
 
 def _show(facts: dict[str, Any], marker: str | None) -> None:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from koopman_lab.errors import DataError, ModelError
+from koopman_lab.errors import ModelError
+from koopman_lab.files import writing_where_named
 from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress, show_passed_over
@@ -68,12 +69,8 @@ def needed(
     if figure is not None:
         from koopman_lab.figures.samples_needed_figure import draw_needed
 
-        try:
+        with writing_where_named(figure):
             draw_needed(figure, rows)
-        except OSError as error:
-            raise DataError(
-                f"{figure}: cannot be written ({error.strerror}); choose another file with --out"
-            ) from None
         err.print(f"figure: {figure.with_suffix('.png')}")
     if as_json:
         facts = {

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from koopman_lab.errors import DataError
+from koopman_lab.files import writing_where_named
 from offboard.terminal import options
 from offboard.terminal.needs import needs
 from offboard.terminal.output import err, out, progress, show_passed_over
@@ -79,12 +79,8 @@ def sweep(
     if figure is not None:
         from koopman_lab.figures.window_sweep_figure import draw_sweep
 
-        try:
+        with writing_where_named(figure):
             draw_sweep(figure, rows, entries)
-        except OSError as error:
-            raise DataError(
-                f"{figure}: cannot be written ({error.strerror}); choose another file with --out"
-            ) from None
         err.print(f"figure: {figure.with_suffix('.png')}")
     if as_json:
         facts = {

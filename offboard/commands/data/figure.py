@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from koopman_lab.errors import DataError
+from koopman_lab.files import writing_where_named
 from koopman_lab.robots.table import robot_type
 from offboard.commands.data.validation_inputs import models_and_runs
 from offboard.terminal import options
@@ -114,10 +115,6 @@ def multistep(
 @contextlib.contextmanager
 def _drawing(file: Path) -> Iterator[None]:
     """Say where the figure is, or that it cannot be written there."""
-    try:
+    with writing_where_named(file):
         yield
-    except OSError as error:
-        raise DataError(
-            f"{file}: cannot be written ({error.strerror}); choose another file with --out"
-        ) from None
     err.print(f"figure: {file.with_suffix('.png')}")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from koopman_lab.errors import LabError, ModelError
+from koopman_lab.files import writing_where_named
 from offboard.commands.data.marker_line import marker_line
 from offboard.commands.data.model_info import lines
 from offboard.terminal import options
@@ -76,6 +77,9 @@ def train(
     combination: Annotated[
         CombinationName, typer.Option("--combination", help="Of inputs: matrices or generators.")
     ] = CombinationName.paper,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace a model that is there already.")
+    ] = False,
     salvage: options.Salvage = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -85,7 +89,8 @@ def train(
     would drive the wrong way.
 
     With --predictor another package's model instead, which says what it makes of the other options.
-    A folder of .dat files from elsewhere needs --robot and --dt.
+    A folder of .dat files from elsewhere needs --robot and --dt. A model that is there already is
+    not replaced without --overwrite.
 
     Example: klab train runs/calibration --window 40 --out runs/model.npz
     """
@@ -100,6 +105,7 @@ def train(
         predictor=predictor,
         method=Method(estimator.value, ridge, symmetric, combination.value),
         robot_kind=robot,
+        overwrite=overwrite,
         salvage=salvage,
         as_json=as_json,
     )
@@ -115,31 +121,39 @@ def train_and_report(
     predictor: str = "edmd",
     method: Method | None = None,
     robot_kind: str | None = None,
+    overwrite: bool = False,
     salvage: bool = False,
     as_json: bool = False,
+    silent: bool = False,
 ) -> Path:
     """Train, print the report and the verdicts, which the model keeps; return where it is.
+
+    With ``silent`` nothing is printed on standard output.
 
     Raises
     ------
     LabError
         If a source cannot be used, or together they do not excite the dictionary.
     """
-    from koopman_lab.data.source import open_source
+    from koopman_lab.data.source import folder_of, is_there, open_source
     from koopman_lab.evaluation.judged_training import JudgedTrainer
     from koopman_lab.koopman.training_report import TrainingReport
 
     trainer = JudgedTrainer(predictor, dictionary, method)
-    folder = None
+    path = model if model is not None else folder_of(sources[0]) / "model.npz"
+    # Before hours of data are read, but a source that is missing comes first.
+    if path.is_file() and not overwrite and all(map(is_there, sources)):
+        raise ModelError(
+            f"{path}: is there already; choose another file with --out, or replace it with "
+            "--overwrite"
+        )
     passed_over = []
     for source in sources:
         opened = open_source(
             source, robot_kind=robot_kind, dt_s=dt_s, window=window, salvage=salvage
         )
-        folder = folder or opened.folder
         trainer.add(opened)
         passed_over.append(opened.passed_over)
-    assert folder is not None  # typer and the callers give at least one source
     try:
         trained = trainer.result()
     except LabError:
@@ -147,20 +161,15 @@ def train_and_report(
             show_verdicts(of_source)
         raise
     learned, report = trained.model, trained.report
-    path = model if model is not None else folder / "model.npz"
-    try:
+    with writing_where_named(path):
         learned.save(path)
-    except OSError as error:
-        raise ModelError(
-            f"{path}: cannot be written ({error.strerror}); choose another file with --out"
-        ) from None
     for part in passed_over:
         show_passed_over(part)
     if as_json:
         marker = learned.metadata.get("data", {}).get("marker")
         facts = {"model": str(path), "marker": marker, "verdict": learned.metadata.get("verdict")}
         out.print_json(json.dumps(report.as_dict() | facts))
-    else:
+    elif not silent:
         if isinstance(report, TrainingReport):
             _show(report)
         else:

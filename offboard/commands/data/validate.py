@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from koopman_lab.errors import DataError
+from koopman_lab.files import writing_where_named
 from offboard.commands.data.validation_inputs import models_and_runs
 from offboard.lab.run_folder import run_path
 from offboard.terminal import options
@@ -50,12 +50,8 @@ def validate(
                 validations.append(validation)
                 report(len(validations), total)
     folder = run_path(out_folder, "validation")
-    try:
+    with writing_where_named(folder):
         draw_validation(folder / FIGURE, validations)
-    except OSError as error:
-        raise DataError(
-            f"{folder}: cannot be written ({error.strerror}); choose another folder with --out"
-        ) from None
     inputs.show_passed_over()
     if as_json:
         out.print_json(

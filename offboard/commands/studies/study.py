@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from koopman_lab.config.cost_table import COSTS
-from koopman_lab.errors import DataError
+from koopman_lab.files import writing_where_named
 from koopman_lab.robots.table import robot_type
 from offboard.commands.studies import study_starts
 from offboard.terminal import options
@@ -68,12 +68,8 @@ def weights(
         for row in studies.study(lab, prediction(loaded), x0, seconds, grid):
             rows.append(row)
             report(len(rows), len(grid), row.setting.cost)
-    try:
+    with writing_where_named(file):
         write_csv(file, *studies.as_table(rows))
-    except OSError as error:
-        raise DataError(
-            f"{file}: cannot be written ({error.strerror}); choose another file with --out"
-        ) from None
     summaries = studies.summary(rows)
     err.print(f"all runs: {file}")
     if as_json:

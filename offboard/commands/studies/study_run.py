@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from koopman_lab.config.schema import LabConfig
+import typer
+
 from koopman_lab.errors import DataError
 from koopman_lab.robots.table import robot_type
 from offboard.lab.run_folder import run_path
 from offboard.terminal import options
+from offboard.terminal.exit_codes import ExitCode
 from offboard.terminal.output import err, out, progress
 
 if TYPE_CHECKING:
+    from koopman_lab.config.schema import LabConfig
     from koopman_lab.data.dataset import DataSet
     from koopman_lab.studies.parking import Case
     from koopman_lab.studies.pools import Pool
@@ -58,8 +62,11 @@ def run_plan(
         import joblib
 
         from koopman_lab.studies.pools import Cluster, Processes
+        from offboard.commands.studies.interrupts import interrupts_held_back
 
-        return Processes(workers or joblib.cpu_count()) if dask is None else Cluster(dask)
+        if dask is not None:
+            return Cluster(dask)
+        return Processes(workers or joblib.cpu_count(), interrupts_held_back)
 
     return RunPlan(run_path(folder, name), runs, chunk, resume, pool)
 
@@ -143,7 +150,7 @@ def run_and_show(
 
     study = Study(name, cases, plan.runs, facts or {})
     pool = plan.pool()
-    with progress(name, "runs") as report:
+    with _keeping_the_rows(plan.folder), progress(name, "runs") as report:
         rows = run_study(
             plan.folder,
             study,
@@ -158,6 +165,19 @@ def run_and_show(
         )
     _show(study, rows)
     err.print(f"figure: {plan.folder / 'distribution.png'}")
+
+
+@contextlib.contextmanager
+def _keeping_the_rows(folder: Path) -> Iterator[None]:
+    """End the command after Ctrl-C inside the block, and say how the study goes on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        err.print(
+            f"interrupted; what is done is kept: the same command with --resume --out {folder} "
+            "goes on"
+        )
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
 
 
 def _show(study: Study, rows: Sequence[dict[str, Any]]) -> None:

@@ -1,0 +1,1 @@
+"""What `klab doctor` looks at: the installation, the bus, the machine."""
