@@ -45,7 +45,12 @@ class Licence(NamedTuple):
     copyleft: Copyleft
 
 
-READ_BY_A_PERSON = {"cvxopt": "GPL-3.0-or-later", "lcm": "LGPL-2.1-or-later"}
+READ_BY_A_PERSON = {
+    "cvxopt": "GPL-3.0-or-later",
+    # GPL is one file of its repository, for an editor, which is in no wheel.
+    "docutils": "public domain AND BSD-2-Clause AND PSF-2.0",
+    "lcm": "LGPL-2.1-or-later",
+}
 """Licences that the metadata do not say, as the files of these parts do."""
 
 _STRONG = re.compile(r"\bA?GPL|GNU (Affero )?General Public", re.IGNORECASE)

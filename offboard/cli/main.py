@@ -45,6 +45,7 @@ COMMANDS = {
     "estop": "offboard.commands.estop:estop",
     "fault": "offboard.commands.fault:fault",
     "doctor": "offboard.commands.doctor:doctor",
+    "guide": "offboard.commands.guide:guide",
     "config": "offboard.commands.config:app",
     "key": "offboard.commands.key:app",
     "relay": "offboard.commands.relay:relay",

@@ -18,6 +18,7 @@ from koopman_lab.bus.channels import HEARTBEATS, ONBOARD_STATUS
 from koopman_lab.files import CACHE_VARIABLE
 from koopman_lab.installation import install_command, packages
 from offboard.cli.main import app
+from offboard.commands.guide import GUIDES
 from offboard.terminal.needs import commands, needs_of
 
 COMMANDS = dict(commands(typer.main.get_command(app)))
@@ -56,6 +57,7 @@ ALONE = (
     ("bench estop", ("--tries", "1", "--load", "0")),
     ("bench dataset", ("session", "--repetitions", "1")),
     ("doctor", ()),
+    *(("guide", (topic,)) for topic in GUIDES),
 )
 """Jobs that need no other process, each on what those before it left."""
 BESIDE = (
@@ -94,7 +96,7 @@ def ear(bus_url):
 def test_it_brings_what_a_board_needs_and_nothing_of_the_desk(base):
     installed = base.packages()
     assert {"lcm", "numpy", "packaging", "pydantic", "pyyaml", "rich", "typer"} <= installed
-    for extra in ("desk", "mcap", "cluster", "edmd", "bench", "test", "mutate", "dev"):
+    for extra in ("desk", "mcap", "cluster", "edmd", "bench", "test", "docs", "mutate", "dev"):
         assert not installed & set(packages(extra))
 
 
