@@ -49,7 +49,10 @@ SPREAD = (
 
 They share nothing, or share it among processes.
 """
-LONGEST_FIRST = ("test_base_installation.py", "test_mutate.py", *SPREAD)
+LONGEST_FIRST = (
+    *("test_base_installation.py", "test_mutate.py", "test_newcomer.py", "test_site.py"),
+    *SPREAD,
+)
 """Files to begin with, so that the others run beside them and not behind them."""
 
 

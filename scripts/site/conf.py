@@ -14,13 +14,14 @@ root_doc = "README"
 myst_heading_anchors = 4
 html_theme = "alabaster"
 html_theme_options = {"page_width": "72em", "sidebar_width": "17em"}
+html_sidebars = {
+    # The tree of contents is long, and to draw it beside every module takes longer than the rest.
+    "api/*": ["about.html", "searchfield.html", "relations.html"],
+    "[!a]*": ["about.html", "searchfield.html", "navigation.html"],
+}
 html_show_sourcelink = False
 html_copy_source = False
-autodoc_default_options = {
-    "members": True,
-    "show-inheritance": True,
-    "exclude-members": "__pydantic_serializer__, __pydantic_validator__",  # looked at, they fail
-}
+autodoc_default_options = {"members": True, "show-inheritance": True}
 autodoc_member_order = "bysource"
 napoleon_use_ivar = True  # attributes of a class stand in its text; as members they would twice
 suppress_warnings = ["ref.python"]  # names of types in signatures, which several modules have
@@ -40,6 +41,15 @@ def _as_restructured_text(
         lines[number] = "".join(parts)
 
 
+def _is_left_out(
+    app: Any, what: str, name: str, thing: Any, skip: bool, options: Any
+) -> bool | None:
+    """Leave out what pydantic keeps for itself: some of it fails as soon as it is looked at."""
+    del app, what, thing, skip, options
+    return True if name.startswith("__pydantic_") else None
+
+
 def setup(app: Any) -> None:
     """Be heard before napoleon."""
     app.connect("autodoc-process-docstring", _as_restructured_text, priority=400)
+    app.connect("autodoc-skip-member", _is_left_out, priority=400)

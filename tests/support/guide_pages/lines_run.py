@@ -67,6 +67,7 @@ NO_BUS = (
         "klab bench dataset",
         "klab bench authentication",
         "./scripts/show-results",
+        "./scripts/show-messages",
         "./scripts/demo --lockstep",
     ),
 )

@@ -35,6 +35,8 @@ def work_through(text: str, folder: Path, **variables: str) -> str:
     AssertionError
         If a block fails, or is of another language and names no file: nothing would try it.
     """
+    # What builds the package is what builds ours: nothing is fetched for each.
+    variables["PIP_NO_BUILD_ISOLATION"] = "0"
     variables["PATH"] = f"{environment_of(folder)}:/usr/local/bin:/usr/bin:/bin"
     (folder / "runs").mkdir()
     printed = ""
