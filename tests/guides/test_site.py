@@ -37,7 +37,7 @@ def site(tmp_path_factory):
     """Build it; return the folder and its pages by their paths in it."""
     folder = tmp_path_factory.mktemp("docs") / "site"
     done = subprocess.run(
-        [sys.executable, "scripts/site/build.py", "--out", folder],
+        [sys.executable, "scripts/documentation/build.py", "--out", folder],
         cwd=ROOT,
         capture_output=True,
         text=True,

@@ -8,15 +8,14 @@ from typing import NamedTuple
 from offboard.commands.guide import GUIDES
 
 ROOT = Path(__file__).parents[3]
-PAGES = {
-    **{guide.path: (ROOT / guide.path).read_text() for guide in GUIDES.values()},
-    **{str(f.relative_to(ROOT)): f.read_text() for f in sorted((ROOT / ".github").glob("*.md"))},
+PAGES = {guide.path: (ROOT / guide.path).read_text() for guide in GUIDES.values()} | {
+    str(file.relative_to(ROOT)): text
+    for file in sorted((ROOT / ".github").glob("*.md"))
+    if (text := file.read_text()).startswith("# ")  # else it is a form that somebody fills in
 }
 """Texts of the guides, in the order in which a person reads them; then those for contributors."""
 README = PAGES["README.md"]
 HEREDOC = re.compile(r"^cat > (\S+) <<'END'\n(.*?)^END\n", re.M | re.S)
-NAMED = re.compile(r"(?:#|//) (\S+\.\w+)\n")
-"""The first line of a block that is the text of a file."""
 REPLAYS = "udpm://239.255.76.68:7668?ttl=0"
 """The bus that the guides keep for replays."""
 
@@ -34,11 +33,6 @@ class Section(NamedTuple):
     page: str
     title: str
     text: str
-
-    @property
-    def is_worked_example(self) -> bool:
-        """Return whether a block of it is a file, so that it is worked through as a whole."""
-        return any(NAMED.match(block.text) for block in blocks(self.text))
 
 
 def blocks(text: str) -> list[Block]:
@@ -82,10 +76,25 @@ def words_of(text: str) -> list[list[str]]:
     return lines
 
 
+INSIDE = "What stands in this folder"
+"""The heading in the guide of a room behind which it is told how to add to it."""
+
+
+def is_inside(section: Section) -> bool:
+    """Return whether a section stands behind that heading, or is headed by it."""
+    titles = [other.title for other in sections(section.page)]
+    return INSIDE in titles and titles.index(section.title) >= titles.index(INSIDE)
+
+
 SECTIONS = [section for page in PAGES for section in sections(page)]
-EXAMPLES = [section for section in SECTIONS if section.is_worked_example]
-"""Each is worked through in a folder of its own; the lines of all others are typed in order."""
-TYPED = "".join(section.text for section in SECTIONS if not section.is_worked_example)
+EXAMPLES = {
+    page: text
+    for page in PAGES
+    if blocks(text := "".join(s.text for s in SECTIONS if s.page == page and is_inside(s)))
+}
+"""What stands inside of each room is worked through as a whole, in a folder of its own."""
+TYPED = "".join(section.text for section in SECTIONS if not is_inside(section))
+"""All else is typed line by line, each on what those before it left."""
 LINES = words_of(TYPED)
 BY_HAND = dict(HEREDOC.findall(TYPED))
 """Files that a person writes, with what is in them."""

@@ -1,11 +1,15 @@
-"""Works through a section of a guide from its first block to its last, in a folder of its own."""
+"""Works through a text from its first block to its last, in a folder of its own."""
 
+import re
 import sysconfig
 import venv
 from pathlib import Path
 
-from guide_pages.pages import NAMED, blocks
+from guide_pages.pages import blocks
 from guide_pages.terminals import by_the_shell
+
+NAMED = re.compile(r"(?:#|//) (\S+\.\w+)\n")
+"""The first line of a block that is the text of a file."""
 
 
 def environment_of(folder: Path) -> Path:
@@ -25,7 +29,7 @@ def environment_of(folder: Path) -> Path:
 
 
 def work_through(text: str, folder: Path, **variables: str) -> str:
-    """Do what each block of a section says; return what all of them printed.
+    """Do what each block of a text says; return what all of them printed.
 
     A block that begins with a comment that is a file's name is written to this file. Any other
     `bash` or `python` block is run. One without a language is a picture or an output.

@@ -41,15 +41,6 @@ def _as_restructured_text(
         lines[number] = "".join(parts)
 
 
-def _is_left_out(
-    app: Any, what: str, name: str, thing: Any, skip: bool, options: Any
-) -> bool | None:
-    """Leave out what pydantic keeps for itself: some of it fails as soon as it is looked at."""
-    del app, what, thing, skip, options
-    return True if name.startswith("__pydantic_") else None
-
-
 def setup(app: Any) -> None:
     """Be heard before napoleon."""
     app.connect("autodoc-process-docstring", _as_restructured_text, priority=400)
-    app.connect("autodoc-skip-member", _is_left_out, priority=400)

@@ -21,7 +21,8 @@ from offboard.commands.guide import GUIDES
 ROOT = Path(__file__).parents[2]
 HERE = Path(__file__).parent
 DEFAULT = ROOT / "build" / "docs" / "site"
-PICTURE = re.compile(r"!\[[^\]]*\]\(([^)\s]+)\)")
+LINK = re.compile(r"\]\((?!\w+://|#)([^)#\s]+)")
+"""To a file of the repository, a picture perhaps."""
 REFERENCE = ("reference/commands", "reference/configuration", "api/modules")
 FRONT = (
     '<meta http-equiv="refresh" content="0; url=README.html"><a href="README.html">koopman-lab</a>'
@@ -31,7 +32,10 @@ FRONT = (
 def pages() -> list[Path]:
     """Return the pages of the repository that the site shows, those of the guides first."""
     guides = [ROOT / guide.path for guide in GUIDES.values()]
-    return list(dict.fromkeys([*guides, *sorted((ROOT / ".github").glob("*.md"))]))
+    others = sorted((ROOT / ".github").glob("*.md"))
+    # What has no title is a form that somebody fills in.
+    titled = [page for page in others if page.read_text().startswith("# ")]
+    return list(dict.fromkeys([*guides, *titled]))
 
 
 def contents() -> str:
@@ -48,10 +52,12 @@ def stage(source: Path) -> None:
         text = page.read_text()
         target = source / page.relative_to(ROOT)
         target.parent.mkdir(parents=True, exist_ok=True)
-        for picture in PICTURE.findall(text):
-            file = target.parent / picture
-            file.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(page.parent / picture, file)
+        for link in LINK.findall(text):
+            file = (page.parent / link).resolve()
+            if file.is_file() and file not in shown:
+                copy = source / file.relative_to(ROOT)
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(file, copy)
         target.write_text(text + (contents() if page == ROOT / "README.md" else ""))
     for name, text in (*command_pages(), ("configuration", configuration_page())):
         file = source / "reference" / f"{name}.md"
@@ -71,9 +77,10 @@ def build(out: Path) -> int:
     for folder in (out, source):
         shutil.rmtree(folder, ignore_errors=True)
     stage(source)
+    # In one process: what pydantic still lacks of a class depends on who imports it first.
     code = build_main(
         [
-            *("-q", "-W", "--keep-going", "-j", "auto", "-c", str(HERE)),
+            *("-q", "-W", "--keep-going", "-c", str(HERE)),
             *("-d", str(out.parent / f"{out.name}-doctrees"), str(source), str(out)),
         ]
     )
