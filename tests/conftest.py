@@ -42,14 +42,17 @@ settings.load_profile("lab")
 
 
 SPREAD = (
-    *("test_first_hour.py", "test_real_time.py", "test_bench.py", "test_room_readmes.py"),
-    *("test_readme_live.py", "test_readme_lines.py", "test_faults_real_time.py"),
+    *("test_first_hour.py", "test_real_time.py", "test_bench.py", "test_worked_examples.py"),
+    *("test_lines_live.py", "test_lines.py", "test_faults_real_time.py"),
 )
 """Files of long tests, each of which may run in another process than the others of its file.
 
 They share nothing, or share it among processes.
 """
-LONGEST_FIRST = ("test_base_installation.py", "test_mutate.py", *SPREAD)
+LONGEST_FIRST = (
+    *("test_base_installation.py", "test_mutate.py", "test_newcomer.py", "test_site.py"),
+    *SPREAD,
+)
 """Files to begin with, so that the others run beside them and not behind them."""
 
 

@@ -23,6 +23,7 @@ from koopman_lab.bus.channels import HEARTBEATS, ONBOARD_STATUS
 from koopman_lab.files import CACHE_VARIABLE
 from koopman_lab.installation import install_command, packages
 from offboard.cli.main import app
+from offboard.commands.guide import GUIDES
 from offboard.terminal.needs import commands, needs_of
 
 COMMANDS = dict(commands(typer.main.get_command(app)))
@@ -65,6 +66,7 @@ ALONE = (
     ("bench estop", ("--tries", "1", "--load", "0")),
     ("bench dataset", ("session", "--repetitions", "1")),
     ("doctor", ()),
+    *(("guide", (topic,)) for topic in GUIDES),
 )
 """Jobs that need no other process, each on what those before it left."""
 BESIDE = (

@@ -6,7 +6,7 @@ import sysconfig
 import nbformat
 import pytest
 from nbclient import NotebookClient
-from readme import ROOT
+from guide_pages.pages import ROOT
 
 NOTEBOOKS = {file.stem: file for file in sorted((ROOT / "scripts" / "notebooks").glob("*.ipynb"))}
 LONGEST_CELL_S = 240

@@ -3,7 +3,7 @@
 import ast
 import re
 
-from readme import ROOT
+from guide_pages.pages import ROOT
 
 PAGE = (ROOT / ".github" / "SECURITY.md").read_text()
 ROWS = PAGE.partition("## What is tested")[2].partition("\n## ")[0]

@@ -89,14 +89,14 @@ def test_images_are_files_beside_the_markdown_and_inside_the_html(folder):
     assert not re.search(r"href|url\(|@import|<script|<link|https?://", page)
 
 
-def test_the_readme_gets_a_table_of_all_claims_and_a_few_small_figures(folder):
-    section = (folder / "readme" / "section.md").read_text()
+def test_the_page_of_results_gets_a_table_of_all_claims_and_a_few_small_figures(folder):
+    section = (folder / "results-page" / "section.md").read_text()
     assert all(claim.sentence in shown(section) for claim in CLAIMS)
     assert "A quick run." in section
     wanted = {f"{picture.step}.png" for picture in PICTURES if picture.shown}
-    assert {file.name for file in (folder / "readme").glob("*.png")} == wanted
-    assert all(f"(scripts/results/{name})" in section for name in wanted)
-    assert imread(folder / "readme" / "dynamic-parking.png").shape[:2] == (3, 4)
+    assert {file.name for file in (folder / "results-page").glob("*.png")} == wanted
+    assert all(f"({name})" in section for name in wanted)
+    assert imread(folder / "results-page" / "dynamic-parking.png").shape[:2] == (3, 4)
 
 
 def test_text_with_special_characters_is_shown_as_it_is(tmp_path):

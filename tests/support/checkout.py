@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from readme import ROOT
+from guide_pages.pages import ROOT
 
 from offboard.lab.python_process import module_command
 

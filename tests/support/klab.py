@@ -40,7 +40,18 @@ NO_RADIO_LOSS = ("--set", "simulation.radio.from_robot.loss=0.0")
 """So that every message that is missing was lost on this machine."""
 
 
-ALONE = ("config", "train", "dataset", "figure", "log", "model", "validate", "rerun", "reproduce")
+ALONE = (
+    "config",
+    "guide",
+    "train",
+    "dataset",
+    "figure",
+    "log",
+    "model",
+    "validate",
+    "rerun",
+    "reproduce",
+)
 """Commands that start no process and hear no bus; like all in lockstep, they can run here."""
 
 

@@ -17,7 +17,7 @@ class Picture(NamedTuple):
     caption
         What it shows.
     shown
-        Whether it is among the few in the README.
+        Whether it is among the few in the page of results (scripts/results).
     """
 
     step: str

@@ -30,15 +30,13 @@ from offboard.reproduction.paper.step_results import StepResults
 from offboard.reproduction.paper.verdict import Verdict
 
 REPORT = "report"
-README = "readme"
-"""Folder of what the README shows: section.md and small figures."""
-README_FIGURES = "scripts/results"
-"""Where the repository keeps these figures."""
+RESULTS_PAGE = "results-page"
+"""Folder of what the page of results shows (scripts/results): section.md and small figures."""
 SMALLER = 2
-"""By which figures of the README are smaller than those of the report."""
+"""By which figures of that page are smaller than those of the report."""
 GRID_LIMITS_MM = (1.0, 2.0, 5.0)
 FEW = 3
-"""So many numbers of a claim fit into the README."""
+"""So many numbers of a claim fit into that page."""
 TITLE = "Data-driven predictive control of nonholonomic robots: the paper's claims"
 
 
@@ -68,7 +66,7 @@ class Facts(NamedTuple):
 def write_report(
     folder: Path, facts: Facts, claims: Sequence[JudgedClaim], settings: Sequence[JudgedClaim]
 ) -> None:
-    """Write ``report.md``, ``report.html``, and what the README shows into ``readme/``.
+    """Write ``report.md``, ``report.html``, and what the page of results shows.
 
     Parameters
     ----------
@@ -87,7 +85,7 @@ def write_report(
     page = list(_page(folder, facts, claims, settings))
     write_text(folder / f"{REPORT}.md", as_markdown(page))
     write_text(folder / f"{REPORT}.html", as_html(page, folder))
-    _write_readme(folder, facts, claims)
+    _write_results_page(folder, facts, claims)
 
 
 def tally(judged: Sequence[JudgedClaim]) -> str:
@@ -222,7 +220,7 @@ def _short_number(cell: str) -> str:
         return cell
 
 
-def _write_readme(folder: Path, facts: Facts, claims: Sequence[JudgedClaim]) -> None:
+def _write_results_page(folder: Path, facts: Facts, claims: Sequence[JudgedClaim]) -> None:
     page: list[Block] = [
         Text(
             f"{'A quick run. ' if facts.quick else ''}{facts.in_words} {len(claims)} claims: "
@@ -245,9 +243,9 @@ def _write_readme(folder: Path, facts: Facts, claims: Sequence[JudgedClaim]) -> 
     for picture in PICTURES:
         if picture.shown and picture.step in facts.steps:
             name = f"{picture.step}.png"
-            _shrink(folder / picture.step / f"{picture.stem}.png", folder / README / name)
-            page.append(Image(f"{README_FIGURES}/{name}", _caption(picture)))
-    write_text(folder / README / "section.md", as_markdown(page))
+            _shrink(folder / picture.step / f"{picture.stem}.png", folder / RESULTS_PAGE / name)
+            page.append(Image(name, _caption(picture)))
+    write_text(folder / RESULTS_PAGE / "section.md", as_markdown(page))
 
 
 def _shrink(source: Path, target: Path) -> None:

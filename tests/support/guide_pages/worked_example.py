@@ -1,12 +1,12 @@
-"""Works through a README from its first block to its last, in a folder of its own."""
+"""Works through a text from its first block to its last, in a folder of its own."""
 
 import re
 import sysconfig
 import venv
 from pathlib import Path
 
-from readme import blocks
-from terminals import by_the_shell
+from guide_pages.pages import blocks
+from guide_pages.terminals import by_the_shell
 
 NAMED = re.compile(r"(?:#|//) (\S+\.\w+)\n")
 """The first line of a block that is the text of a file."""
@@ -29,7 +29,7 @@ def environment_of(folder: Path) -> Path:
 
 
 def work_through(text: str, folder: Path, **variables: str) -> str:
-    """Do what each block of a README says; return what all of them printed.
+    """Do what each block of a text says; return what all of them printed.
 
     A block that begins with a comment that is a file's name is written to this file. Any other
     `bash` or `python` block is run. One without a language is a picture or an output.
@@ -39,6 +39,8 @@ def work_through(text: str, folder: Path, **variables: str) -> str:
     AssertionError
         If a block fails, or is of another language and names no file: nothing would try it.
     """
+    # What builds the package is what builds ours: nothing is fetched for each.
+    variables["PIP_NO_BUILD_ISOLATION"] = "0"
     variables["PATH"] = f"{environment_of(folder)}:/usr/local/bin:/usr/bin:/bin"
     (folder / "runs").mkdir()
     printed = ""

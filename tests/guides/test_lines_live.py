@@ -1,4 +1,4 @@
-"""The README's lines behind the first hour that need a lab, a bus or Ctrl-C, in terminals."""
+"""The lines behind the first hour that need a lab, a bus or Ctrl-C, in terminals."""
 
 import json
 import re
@@ -6,10 +6,10 @@ import subprocess
 import urllib.request
 
 import pytest
+from guide_pages.pages import REPLAYS
+from guide_pages.terminals import ENDED, LIMIT_S, Terminal, run, typed
 from klab import KLAB, MODEL, SHORT_RUNS, klab_ok
-from readme import REPLAYS
 from real_bus import Ear, recorded, tool
-from terminals import ENDED, LIMIT_S, Terminal, run, typed
 
 from koopman_lab.bus.channels import MOCAP_POSE
 

@@ -1,8 +1,8 @@
-"""Each README of a room is a worked example; to have one tried, write it there."""
+"""What stands inside of a room is a worked example; to have one tried, write it there."""
 
 import pytest
-from readme import ROOM_READMES, ROOT
-from worked_example import work_through
+from guide_pages.pages import EXAMPLES
+from guide_pages.worked_example import work_through
 
 EXAMPLE = """
 ```python
@@ -31,13 +31,13 @@ klab model --help
 
 
 PRINTS = {EXAMPLE: ("hello R7\n", "Look into model files")}
-README_TEXTS = {
+TEXTS = {
     "of this test": EXAMPLE,
-    **{str(file.relative_to(ROOT)): file.read_text() for file in ROOM_READMES},
+    **EXAMPLES,
 }
 
 
-@pytest.mark.parametrize("text", README_TEXTS.values(), ids=README_TEXTS)
+@pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
 def test_each_block_does_its_job_on_what_those_before_it_left(text, tmp_path, bus_url):
     printed = work_through(text, tmp_path / "person", LCM_DEFAULT_URL=bus_url)
     for words in PRINTS.get(text, ()):

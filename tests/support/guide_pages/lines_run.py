@@ -1,7 +1,7 @@
-"""The README's lines, each run once in a test run, on what the lines before it have left.
+"""The lines of the guides, each run once in a test run, on what the lines before it have left.
 
 A line says itself what it needs: the files it names that stand behind `--out` in an earlier one.
-So no list of chains has to follow the README, and lines that share a session run side by side, in
+So no list of chains has to follow the guides, and lines that share a session run side by side, in
 as many processes as there are, while it is recorded by whichever asks first.
 """
 
@@ -9,16 +9,18 @@ import contextlib
 import fcntl
 import json
 import os
+import re
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from checkout import checkout
 from cluster import cluster
+from guide_pages.pages import BY_HAND, LINES, PAGES, ROOT
 from klab import ALONE, SHORT_RUNS, klab
-from readme import HEREDOC, LINES, README, ROOT
 
 ONE_RUN = ("--runs", "1", "--workers", "1")
 SHORT_HORIZON = ("--set", "controller.horizon=5")
@@ -46,6 +48,9 @@ SHORTER = {
     "klab compare": ("--set", "controller.horizon=10", "--set", "controller.time_limit_s=1"),
     "klab simulate": ("--set", "controller.horizon=10", "--duration", "1"),
     "klab bench lockstep": ("--seconds", "2"),
+    "klab bench authentication": ("--messages", "1000"),
+    "klab bench dataset": ("--repetitions", "1"),
+    "klab dataset sweep": ("--windows", "10,40"),
     "klab study weights": ("--factors", "1", "--duration", "1"),
     "klab study dynamic-parking --model runs/dynamic.npz --dask": (*SHORT_HORIZON, "--runs", "1"),
     **{f"klab study {name}": (*ONE_RUN, *SHORT_HORIZON) for name in MANY},
@@ -65,13 +70,15 @@ NO_BUS = (
         "klab bench dataset",
         "klab bench authentication",
         "./scripts/show-results",
+        "./scripts/show-messages",
         "./scripts/demo --lockstep",
     ),
 )
 """Commands that need no bus and no other process, beside those of ALONE."""
 
-BY_HAND = dict(HEREDOC.findall(README))
-"""Files that a person writes, with what is in them."""
+IN_PYTHON = re.compile(r"[\"'](runs/[^\"']+)")
+"""A path in a block of Python."""
+SAVED_BY_PYTHON = re.compile(r"\.save\([\"'](runs/[^\"']+)")
 
 
 def begins(line: str, with_any) -> bool:
@@ -80,17 +87,23 @@ def begins(line: str, with_any) -> bool:
 
 def is_alone(words: list[str]) -> bool:
     """Return whether a line needs no bus and no process beside it."""
+    if words[0] == "python":
+        return True
     alone = words[0] == "klab" and (words[1] in ALONE or "--lockstep" in words)
     return alone or begins(" ".join(words), NO_BUS)
 
 
 def leaves(words: list[str]) -> list[str]:
     """Return the paths that a line leaves something at."""
+    if words[0] == "python":
+        return SAVED_BY_PYTHON.findall(words[2])
     return [words[k + 1] for k, word in enumerate(words) if word == "--out"]
 
 
 def reads(words: list[str]) -> list[str]:
     """Return the paths at which a line expects something."""
+    if words[0] == "python":
+        return [path for path in IN_PYTHON.findall(words[2]) if path not in leaves(words)]
     named = [word for word in words if word.startswith("runs/") and word not in BY_HAND]
     return [path for path in named if path not in leaves(words) or "--resume" in words]
 
@@ -110,8 +123,8 @@ def once(folder: Path, name: str, do: Callable[[], object]):
         return json.loads(record.read_text())
 
 
-class ReadmeRun:
-    """What a person has who types the README, up to any line of it.
+class TypedGuides:
+    """What a person has who types the guides, up to any line of them.
 
     Parameters
     ----------
@@ -126,8 +139,8 @@ class ReadmeRun:
         once(self._records, "checkout", self._prepare)
         self._url = once(self._records, "bus", lambda: os.environ["LCM_DEFAULT_URL"])
 
-    def line(self, number: int) -> None:
-        """See that a line has run, after those that it needs.
+    def line(self, number: int) -> str:
+        """See that a line has run, after those that it needs; return what it said.
 
         Raises
         ------
@@ -142,25 +155,34 @@ class ReadmeRun:
         for path in leaves(LINES[number]):
             left = self.checkout / path
             assert left.exists() or list(left.parent.glob(f"{left.name}*")), line
+        return told
+
+    def told(self, words: list[str]) -> str:
+        """See that the line of these words has run; return what it said."""
+        return self.line(LINES.index(words))
 
     def with_left(self, *paths: str) -> Path:
         """See that the lines have run that leave these paths; return the folder of the checkout."""
         for path in paths:
-            self.line(_who_leaves(path, len(LINES)))
+            number = _who_leaves(path, len(LINES))
+            assert number is not None, f"no line of the guides leaves {path}"
+            self.line(number)
         return self.checkout
 
     def with_typed(self, *lines: str) -> Path:
         """See that these lines have run; return the folder of the checkout."""
         numbers = {" ".join(words): number for number, words in enumerate(LINES)}
         for line in lines:
-            assert line in numbers, f"README: has no line `{line}` any more"
+            assert line in numbers, f"no guide has the line `{line}` any more"
             self.line(numbers[line])
         return self.checkout
 
     def _prepare(self) -> None:
         programs = checkout(self.checkout)
         (programs / "activate").write_text(f"PATH={programs}:$PATH\n")
-        shutil.copy(ROOT / "README.md", self.checkout)
+        for page in PAGES:
+            (self.checkout / page).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / page, self.checkout / page)
         (self.checkout / "runs").mkdir()
         for name, text in BY_HAND.items():
             (self.checkout / name).write_text(text)
@@ -170,7 +192,11 @@ class ReadmeRun:
         words = LINES[number]
         line = " ".join(words)
         for path in reads(words):
-            self.line(_who_leaves(path, number))
+            before = _who_leaves(path, number)
+            # Where a block of Python writes is known to itself alone.
+            assert before is not None or words[0] == "python", f"{line}: nothing leaves {path}"
+            if before is not None:
+                self.line(before)
         added = next((o for beginning, o in SHORTER.items() if line.startswith(beginning)), ())
         with pytest.MonkeyPatch.context() as machine, contextlib.ExitStack() as stack:
             # Of all processes the same: it is among the settings that --resume compares.
@@ -183,16 +209,17 @@ class ReadmeRun:
             if words[0] == "klab":
                 done = klab(*words[1:], *added, cwd=self.checkout)
             else:
+                words = [sys.executable, *words[1:]] if words[0] == "python" else words
                 done = subprocess.run(
                     [*words, *added], cwd=self.checkout, capture_output=True, text=True, check=False
                 )
         return done.returncode, f"{done.stdout}{done.stderr}"
 
 
-def _who_leaves(path: str, before: int) -> int:
+def _who_leaves(path: str, before: int) -> int | None:
     """Return the last line before one that leaves a path, or something in a folder above it."""
     for number in reversed(range(before)):
         for left in leaves(LINES[number]):
             if Path(path).is_relative_to(left):
                 return number
-    raise AssertionError(f"README: no line before {LINES[before:][:1]} leaves {path}")
+    return None

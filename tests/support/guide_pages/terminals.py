@@ -1,12 +1,12 @@
-"""Types the README's lines, each that runs until Ctrl-C in a terminal of its own."""
+"""Types the lines of the guides, each that runs until Ctrl-C in a terminal of its own."""
 
 import shlex
 import signal
 import subprocess
 from pathlib import Path
 
+from guide_pages.pages import LINES
 from klab import KLAB, environment, klab
-from readme import LINES
 
 LIMIT_S = 60.0
 ENDED = (0, 130)
@@ -14,9 +14,9 @@ ENDED = (0, 130)
 
 
 def typed(line: str) -> list[str]:
-    """Return the words of a line, which must be one of the README."""
+    """Return the words of a line, which must be one of the guides."""
     words = shlex.split(line)
-    assert words in LINES, f"README: has no line `{line}` any more"
+    assert words in LINES, f"no guide has the line `{line}` any more"
     return words
 
 
