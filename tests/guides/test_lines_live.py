@@ -57,6 +57,12 @@ def test_the_page_alone_and_with_a_lab(tmp_path):
             view.interrupt()
 
 
+def test_the_bus_is_shown_to_foxglove(tmp_path):
+    with Terminal("klab foxglove", tmp_path) as foxglove:
+        assert foxglove.until("ws://127.0.0.1:8767")
+        foxglove.interrupt()
+
+
 def test_each_process_in_a_terminal_of_its_own(tmp_path, ear):
     (tmp_path / "runs").mkdir()
     with (
@@ -88,6 +94,8 @@ def test_a_replay_and_who_listens_to_it(tmp_path):
         ear.wait(lambda: last in recorded(runs / "replay" / "session.lcm").get(LAST, []))
         recording.interrupt()
     ear.wait(lambda: frames)
+    some = "klab replay runs/calibration --start 2 --end 8 --speed 4 --only *_MOCAP_POSE"
+    assert "of 6.0 s sent" in run(some, tmp_path)
     run("klab train runs/replay --out runs/replayed.npz", tmp_path)
     klab_ok("train", runs / "calibration", "--out", runs / "original.npz")
     assert (runs / "replayed.npz").read_bytes() == (runs / "original.npz").read_bytes()

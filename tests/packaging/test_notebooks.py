@@ -5,8 +5,8 @@ import sysconfig
 
 import nbformat
 import pytest
-from nbclient import NotebookClient
 from guide_pages.pages import ROOT
+from nbclient import NotebookClient
 
 NOTEBOOKS = {file.stem: file for file in sorted((ROOT / "scripts" / "notebooks").glob("*.ipynb"))}
 LONGEST_CELL_S = 240
