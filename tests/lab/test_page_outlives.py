@@ -9,6 +9,8 @@ import pytest
 from klab import alive, klab, start_klab
 from websockets.sync.client import connect
 
+from offboard.terminal.exit_codes import ExitCode
+
 LIMIT_S = 30.0
 MOST_TRIES = 1200
 
@@ -66,5 +68,5 @@ def test_the_page_says_who_died_and_the_robot_is_started_anew_beside_it(tmp_path
         assert alive(viewer)
     lab.send_signal(signal.SIGINT)
     lab.communicate(timeout=LIMIT_S)
-    assert lab.returncode == 2
+    assert lab.returncode == ExitCode.LAB_FAILURE
     assert not alive(viewer)

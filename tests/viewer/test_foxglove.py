@@ -19,6 +19,7 @@ import lcmtypes
 from koopman_lab.bus.channels import ESTOP, MOCAP_POSE
 from koopman_lab.bus.realtime import Listener
 from offboard.monitor.lab_view import MOST_ROBOTS
+from offboard.terminal.exit_codes import ExitCode
 from offboard.viewer.foxglove_feed import FoxgloveFeed
 
 LIMIT_S = 20.0
@@ -118,7 +119,7 @@ def test_who_opens_the_lab_late_sees_all_of_it(served, bus_url):
 def test_a_port_that_is_taken_is_said_in_words(served, bus_url):
     port = served[1].rpartition(":")[2]
     done = klab("foxglove", "--port", port, "--url", bus_url)
-    assert done.returncode == 2
+    assert done.returncode == ExitCode.LAB_FAILURE
     assert f"--port {port}: cannot listen there" in done.stderr
     assert "Traceback" not in done.stderr
 
