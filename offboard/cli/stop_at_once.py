@@ -7,6 +7,7 @@ understand is left to the command line, which explains it.
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from collections.abc import Sequence
@@ -19,7 +20,10 @@ if TYPE_CHECKING:
 
 FLAGS = {"--release": "release", "--all": "all_robots"}
 VALUES = {"--config": "config", "--robot-name": "robot_name", "--url": "url"}
+SECONDS = {"--limit-s": "limit_s"}
 REPEATED = {"--set": "overrides"}
+LEAST_LIMIT_S = 0.02
+"""As the command line says."""
 
 
 class Order(NamedTuple):
@@ -30,6 +34,7 @@ class Order(NamedTuple):
     config: str | None = None
     robot_name: str | None = None
     url: str | None = None
+    limit_s: float | None = None
     overrides: tuple[str, ...] = ()
 
 
@@ -58,7 +63,7 @@ def stop_at_once(arguments: Sequence[str]) -> int | None:
     try:
         # A key that cannot be used keeps nobody from stopping a robot.
         listener = Listener(lab, None if order.release else say)
-        act(listener, lab, release=order.release, say=say)
+        act(listener, lab, release=order.release, say=say, limit_s=order.limit_s)
     except LabError as error:
         say(f"klab: {error}")
         return code_of(error)
@@ -75,7 +80,7 @@ def parse(arguments: Sequence[str]) -> Order | None:
         if option in FLAGS and not equals:
             values[FLAGS[option]] = True
             continue
-        if option not in VALUES and option not in REPEATED:
+        if option not in VALUES and option not in REPEATED and option not in SECONDS:
             return None
         if not equals:
             if not rest:
@@ -83,6 +88,13 @@ def parse(arguments: Sequence[str]) -> Order | None:
             value = rest.pop(0)
         if option in REPEATED:
             overrides.append(value)
+        elif option in SECONDS:
+            try:
+                values[SECONDS[option]] = float(value)
+            except ValueError:
+                return None
+            if not LEAST_LIMIT_S <= values[SECONDS[option]] < math.inf:
+                return None
         else:
             values[VALUES[option]] = value
     order = Order(**values, overrides=tuple(overrides))

@@ -15,16 +15,25 @@ def estop(
         bool, typer.Option("--release", help="Release the stop, and acknowledge a fault.")
     ] = False,
     all_robots: options.AllRobots = False,
+    limit_s: Annotated[
+        float | None,
+        typer.Option(
+            "--limit-s", min=0.02, help="Give up after this long; default: never, a release 2 s."
+        ),
+    ] = None,
     config: options.ConfigFile = None,
     overrides: options.Overrides = None,
     robot_name: options.RobotsName = None,
     url: options.Url = None,
 ) -> None:
-    """Stop the motors of a robot until they are released; waits until the robot says so.
+    """Stop the motors of a robot until they are released; sent until the robot says so.
+
+    Where it does not within two seconds that is said, and the stop is sent on, since the robot may
+    come back; Ctrl-C ends that. A release is given up then.
 
     With --all every robot that is heard on the bus is stopped, or released, all at the same time,
     and also that of the configuration as long as none is heard. Each is named once it says so; the
-    exit code is 3, with their names, where some do not.
+    exit code is 3, with their names, where some are given up.
 
     A stop is kept on the robot's board until it is released, also over a restart. The first message
     goes out before anything is loaded that is not needed for it.
@@ -37,4 +46,4 @@ def estop(
     lab = options.resolve(config, overrides, None, url=url, robot_name=robot_name)
     listener = options.listen(lab, None if release else err.print)
     order = order_all if all_robots else order_one
-    order(listener, lab, release=release, say=err.print)
+    order(listener, lab, release=release, say=err.print, limit_s=limit_s)

@@ -33,12 +33,32 @@ _NEXT_STEP = {
     ),
 }
 """What a person can do where a robot does not obey, by whether it was to be released."""
+_SENT_ON = "it is sent on until the robot confirms; Ctrl-C ends that"
+
+
+def _tries(limit_s: float | None, *, release: bool) -> int | None:
+    """Return after how many messages an order is given up, None for never.
+
+    A stop that nobody confirms may be on its way to a robot that comes back; who releases one waits
+    for an answer.
+    """
+    if limit_s is None:
+        return TRIES if release else None
+    return max(1, round(limit_s / WAIT_S))
 
 
 def order_one(
-    listener: Listener, lab: LabConfig, *, release: bool, say: Callable[[str], None]
+    listener: Listener,
+    lab: LabConfig,
+    *,
+    release: bool,
+    say: Callable[[str], None],
+    limit_s: float | None = None,
 ) -> None:
     """Stop or release the robot of a lab.
+
+    A stop is sent until the robot confirms it, unless there is a limit, or the robot stands and
+    says why it cannot confirm.
 
     Parameters
     ----------
@@ -49,7 +69,9 @@ def order_one(
     release
         Release instead of stopping.
     say
-        Is told that the robot obeys.
+        Is told that the robot obeys, and of a stop that it does not so far.
+    limit_s
+        After how long to give up (s).
 
     Raises
     ------
@@ -57,22 +79,36 @@ def order_one(
         If it does not.
     """
     newest: deque[lcmtypes.onboard_status_t] = deque(maxlen=1)
-    order = stop_order(lambda: newest[0] if newest else None, release=release)
+    tries = _tries(limit_s, release=release)
+    order = stop_order(lambda: newest[0] if newest else None, release=release, tries=tries)
+
+    def in_vain() -> str:
+        answer = _unconfirmed(newest[0] if newest else None)
+        if listener.without_key(ONBOARD_STATUS):
+            answer += ", and what was said without the lab's key is not believed"
+        return _sent_in_vain(
+            f"{ONBOARD_STATUS.name(lab.robot.name)} {answer}", order.sent_times, lab, release
+        )
+
     # Before it listens, which begins with LCM's trial of the bus.
     if not release:
         order.step(listener)
     listener.subscribe(ONBOARD_STATUS, newest.append)
     while (obeyed := order.step(listener)) is None:
+        if order.sent_times == TRIES and tries is None:
+            if newest and why_stopped(newest[0]):
+                raise LabStateError(in_vain())
+            say(f"{in_vain()}; {_SENT_ON}")
         listener.spin(WAIT_S)
-    if obeyed:
-        say("released" if release else "stopped; `klab estop --release` releases it")
-        return
-    answer = _unconfirmed(newest[0] if newest else None)
-    if listener.without_key(ONBOARD_STATUS):
-        answer += ", and what was said without the lab's key is not believed"
-    raise LabStateError(
-        f"{ONBOARD_STATUS.name(lab.robot.name)} {answer}: the message was sent {TRIES} times on "
-        f"{lab.bus.url}; {_NEXT_STEP[release]}"
+    if not obeyed:
+        raise LabStateError(in_vain())
+    say("released" if release else "stopped; `klab estop --release` releases it")
+
+
+def _sent_in_vain(answers: str, sent_times: int, lab: LabConfig, release: bool) -> str:
+    return (
+        f"{answers}: the message was sent {sent_times} times on {lab.bus.url}; "
+        f"{_NEXT_STEP[release]}"
     )
 
 
@@ -85,7 +121,12 @@ def _unconfirmed(status: lcmtypes.onboard_status_t | None) -> str:
 
 
 def order_all(
-    listener: Listener, lab: LabConfig, *, release: bool, say: Callable[[str], None]
+    listener: Listener,
+    lab: LabConfig,
+    *,
+    release: bool,
+    say: Callable[[str], None],
+    limit_s: float | None = None,
 ) -> None:
     """Stop or release all robots that are heard; as :func:`order_one`."""
     from offboard.monitor.robots_heard import RobotsHeard
@@ -95,7 +136,8 @@ def order_all(
         # As in order_one; the others are told as soon as they are heard.
         stop_order(lambda: None, release=False).step(listener)
     listener.overhear(heard.take)
-    obeyed = _give_orders(listener, heard, lab.robot.name, release=release, say=say)
+    tries = _tries(limit_s, release=release)
+    obeyed = _give_orders(listener, heard, lab, release=release, say=say, tries=tries)
     now_us = listener.now_us()
     # Who is heard for the first time now, or is a replay no more, was given no order. Who has
     # obeyed is no log, however wrong the clock here is.
@@ -112,23 +154,24 @@ def order_all(
             one_line(f"{name} {_unconfirmed(heard.status(name, now_us))}") for name in refused
         ]
         raise LabStateError(
-            f"{nobody}{', '.join(answers)}: the message was sent {TRIES} times on {lab.bus.url}; "
-            f"{_NEXT_STEP[release]}"
+            _sent_in_vain(f"{nobody}{', '.join(answers)}", tries or TRIES, lab, release)
         )
 
 
 def _give_orders(
     listener: Listener,
     heard: RobotsHeard,
-    configured: str,
+    lab: LabConfig,
     *,
     release: bool,
     say: Callable[[str], None],
+    tries: int | None,
 ) -> dict[str, bool]:
     """Stop or release each robot as soon as it is heard; return which obeyed.
 
     Who is not heard yet may hear all the same: the configured robot is stopped from the first
-    moment on, but released only if no other is heard.
+    moment on, but released only if no other is heard. Without a number of ``tries`` this ends when
+    all that are heard have obeyed, and the configured one where none is.
     """
     orders: dict[str, tuple[Order[Any], Sender]] = {}
     obeyed: dict[str, bool] = {}
@@ -138,9 +181,10 @@ def _give_orders(
         listening = now_us < heard_all_us
         names = heard.live(now_us)
         if not names and not (release and listening):
-            names = [configured]
+            names = [lab.robot.name]
         for name in set(names) - orders.keys():
-            order = stop_order(partial(_status, heard, name, listener), release=release)
+            status = partial(_status, heard, name, listener)
+            order = stop_order(status, release=release, tries=tries)
             orders[name] = order, listener.speaking_to(name)
         # A busy bus wakes the listener a thousand times a second.
         if now_us >= due_us:
@@ -152,7 +196,14 @@ def _give_orders(
                     obeyed[name] = answer
                 if answer:
                     say(one_line(f"{name}: {'released' if release else 'stopped'}"))
-        if not listening and len(obeyed) == len(orders):
+                elif order.sent_times == TRIES and tries is None:
+                    newest = heard.status(name, now_us)
+                    if newest is not None and why_stopped(newest):
+                        obeyed[name] = False
+                        continue
+                    answers = one_line(f"{name} {_unconfirmed(newest)}")
+                    say(f"{_sent_in_vain(answers, TRIES, lab, release)}; {_SENT_ON}")
+        if not listening and set(orders if tries else names) <= obeyed.keys():
             return obeyed
         listener.spin(WAIT_S)
 

@@ -13,8 +13,9 @@ from koopman_lab.bus.channel import Channel, M
 from koopman_lab.bus.channels import ESTOP
 
 TRIES = 100
+"""After so many in vain a person is told, and all but an endless order are given up."""
 WAIT_S = 0.02
-"""Between tries; two seconds in all."""
+"""Between tries; two seconds until then."""
 
 
 class Sender(Protocol):
@@ -38,29 +39,39 @@ class Order(Generic[M]):
         Returns the message, stamped with a time (us).
     obeyed
         Returns whether the robot says that it obeys.
+    tries
+        After how many it is given up; None for never.
     """
 
     def __init__(
-        self, channel: Channel[M], message: Callable[[int], M], obeyed: Callable[[], bool]
+        self,
+        channel: Channel[M],
+        message: Callable[[int], M],
+        obeyed: Callable[[], bool],
+        tries: int | None = TRIES,
     ) -> None:
         self._channel = channel
         self._message = message
         self._obeyed = obeyed
-        self._sent_times = 0
+        self._tries = tries
+        self.sent_times = 0
 
     def step(self, sender: Sender) -> bool | None:
         """Send it once more; return whether it was obeyed, None as long as that is open."""
-        if self._sent_times and self._obeyed():
+        if self.sent_times and self._obeyed():
             return True
-        if self._sent_times == TRIES:
+        if self.sent_times == self._tries:
             return False
-        self._sent_times += 1
+        self.sent_times += 1
         sender.publish(self._channel, self._message(sender.now_us()))
         return None
 
 
 def stop_order(
-    status: Callable[[], lcmtypes.onboard_status_t | None], *, release: bool
+    status: Callable[[], lcmtypes.onboard_status_t | None],
+    *,
+    release: bool,
+    tries: int | None = TRIES,
 ) -> Order[lcmtypes.estop_t]:
     """Return the order to stop the motors, or to release them and acknowledge a fault.
 
@@ -73,6 +84,8 @@ def stop_order(
         Returns the newest status of the motor loop, None if it is silent.
     release
         Release instead of stopping.
+    tries
+        As of :class:`Order`.
     """
 
     def message(utime: int) -> lcmtypes.estop_t:
@@ -91,4 +104,4 @@ def stop_order(
         stopped = newest.state == newest.ESTOP
         return newest.state not in (newest.ESTOP, newest.FAULT) if release else stopped
 
-    return Order(ESTOP, message, obeyed)
+    return Order(ESTOP, message, obeyed, tries)

@@ -103,7 +103,7 @@ def test_two_labs_go_down_at_the_same_time(robots):
 
 
 def test_where_nobody_is_heard_the_configured_robot_is_stopped_and_named():
-    done = klab("estop", "--all", "--set", "robot.name=R7")
+    done = klab("estop", "--all", "--limit-s", "2", "--set", "robot.name=R7")
     assert done.returncode == ExitCode.LAB_FAILURE
     assert "no robot was heard, and R7 is silent: the message was sent 100 times" in done.stderr
     down = klab("down", "--all")

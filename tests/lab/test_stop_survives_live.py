@@ -22,9 +22,12 @@ STILL_M = 1e-3
 WITHOUT_KEY = pytest.mark.parametrize("key_options", ["no key"], indirect=True)
 
 
+ESTOP = [sys.executable, "-m", "offboard.cli.start", "estop"]
+
+
 def estop(*arguments):
     """Run `klab estop` as its entry point does."""
-    command = [sys.executable, "-m", "offboard.cli.start", "estop", *arguments]
+    command = [*ESTOP, *arguments]
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
 
 
@@ -112,6 +115,37 @@ def test_a_stop_outlasts_the_program_that_holds_it_and_its_release_ends_it(board
     board.kill(board.onboard)
     board.onboard = board.start_onboard()
     board.wait_until_it_drives()
+
+
+@pytest.mark.parametrize("arguments", [(), ("--all",)], ids=["one", "all"])
+def test_a_stop_is_sent_until_the_robot_is_back_and_confirms_it(board, arguments):
+    board.kill(board.onboard)
+    command = [*ESTOP, *arguments, *board.options]
+    stop = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    said = stop.stderr.readline()
+    while "it is sent on until the robot confirms; Ctrl-C ends that" not in said:
+        assert stop.poll() is None, said
+        said += stop.stderr.readline()
+    assert "R1" in said
+    assert "is silent: the message was sent 100 times" in said
+    board.onboard = board.start_onboard()
+    _, said = stop.communicate(timeout=60)
+    assert stop.returncode == 0, said
+    assert "stopped" in said
+    board.require_still()
+    assert estop("--release", *board.options).returncode == 0
+
+
+def test_a_stop_that_nobody_confirms_ends_where_a_person_ends_it():
+    stop = subprocess.Popen(ESTOP, stderr=subprocess.PIPE, text=True)
+    said = stop.stderr.readline()
+    assert "R1_ONBOARD_STATUS is silent" in said
+    stop.send_signal(signal.SIGINT)
+    assert stop.communicate(timeout=60)[1] == "klab: interrupted\n"
+    assert stop.returncode == ExitCode.INTERRUPTED
+    done = estop("--limit-s", "0.1")
+    assert done.returncode == ExitCode.LAB_FAILURE
+    assert "was sent 5 times" in done.stderr
 
 
 @WITHOUT_KEY

@@ -102,7 +102,7 @@ def test_a_forged_status_makes_nobody_believe_that_a_robot_stopped(lab):
         [sys.executable, "-c", FORGED_STATUS], stdin=subprocess.PIPE, env=os.environ
     )
     try:
-        done = lab.klab("estop")
+        done = lab.klab("estop", "--limit-s", "2")
     finally:
         speaking.stdin.close()
         speaking.wait(60)

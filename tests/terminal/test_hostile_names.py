@@ -148,7 +148,8 @@ def hostile_bus():
 
 BUS_COMMANDS = (
     *(("topics", "--once", "--seconds", "1"), ("topics", "--once", "--seconds", "1", "--json")),
-    *(("status",), ("status", "--json"), ("doctor",), ("estop",), ("goal", "0", "0", "0")),
+    *(("status",), ("status", "--json"), ("doctor",), ("goal", "0", "0", "0")),
+    ("estop", "--limit-s", "2"),
     ("park", "--model", str(MODEL), "--start", "0.05", "0", "0"),
 )
 

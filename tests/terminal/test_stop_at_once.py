@@ -9,7 +9,7 @@ from klab import environment
 
 from koopman_lab.config.load import load_config
 from offboard.cli.main import command_line
-from offboard.cli.stop_at_once import FLAGS, REPEATED, VALUES, Order, addresses, parse
+from offboard.cli.stop_at_once import FLAGS, REPEATED, SECONDS, VALUES, Order, addresses, parse
 from offboard.terminal import options
 
 NOT_NEEDED = {
@@ -113,7 +113,7 @@ def test_robot_and_bus_are_those_of_the_command_line(arguments, tmp_path, monkey
 def test_every_option_of_the_command_is_known_and_no_other():
     command = command_line().commands["estop"]
     known = {o for parameter in command.params for o in parameter.opts}
-    assert known - {"--help", "-h"} == FLAGS.keys() | VALUES.keys() | REPEATED.keys()
+    assert known - {"--help", "-h"} == {*FLAGS, *VALUES, *SECONDS, *REPEATED}
     names = {p.name for p in command.params} - {"help"}
     assert names == set(Order._fields)
 
@@ -127,6 +127,9 @@ def test_every_option_of_the_command_is_known_and_no_other():
         ["--release=1"],
         ["--all", "--robot-name", "R2"],
         ["--unknown", "1"],
+        ["--limit-s", "0"],
+        ["--limit-s", "nan"],
+        ["--limit-s=soon"],
     ],
     ids=" ".join,
 )
