@@ -38,8 +38,6 @@ if TYPE_CHECKING:
 PAGE_LIMIT_S = 30.0
 """As long as other processes may take to start."""
 WAIT_S = 0.1
-DIED = 2
-"""Exit code where a process died, as for every expected mistake."""
 
 
 @needs("desk", "--view", lambda options: options["view"])
@@ -169,7 +167,7 @@ def _keep_page(listener: Listener, lab: Supervisor) -> None:
             listener.spin(WAIT_S)
             lab.check()
     except KeyboardInterrupt:
-        raise typer.Exit(DIED) from None
+        raise typer.Exit(ExitCode.LAB_FAILURE) from None
 
 
 def _show_until_interrupted(
