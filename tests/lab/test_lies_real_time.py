@@ -55,11 +55,12 @@ def test_cameras_whose_clock_jumps_by_an_hour_stop_the_robot_and_are_named(
     bus_url, tmp_path, key_options
 ):
     witness = Witness(bus_url)
-    planned = "simulation.faults=[{kind: camera_clock, jump_s: 3600, at_s: 4}]"
     session = start_klab(
         *(*PARK, "--start", "-1.2", "0.4", "0", *key_options),
-        *("--set", planned, "--set", "controller.pause_limit_s=2", "--out", tmp_path / "run"),
+        *("--set", "controller.pause_limit_s=2", "--out", tmp_path / "run"),
     )
+    witness.wait_until_fast(session)
+    witness.strike("camera_clock", key_options, jump_s=3600.0)
     code, said = witness.end_of(session)
     assert code == 1, said
     assert "the camera clock is 3600 s ahead of this computer's clock" in " ".join(said.split())

@@ -1,15 +1,18 @@
 """Sees the true robot of a lab in real time, and who is alive."""
 
 import contextlib
+import math
 import os
 import signal
 
 import pytest
 from klab import start_klab
 
-from koopman_lab.bus.channels import HEARTBEATS, PLANT_TRUTH
+from koopman_lab.bus.channels import FAULT, HEARTBEATS, PLANT_TRUTH
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
+from koopman_lab.config.simulation import Fault
+from koopman_lab.emulation.faults import fault_message
 from offboard.bench.faults.stage import TruthSample, is_at_rest
 
 FAST_M_PER_S = 0.2
@@ -50,6 +53,21 @@ class Witness:
             if session.poll() is not None or self.listener.now_us() > end_us:
                 session.kill()
                 pytest.fail(f"does not drive: {session.communicate()[0]}")
+
+    def strike(self, kind, options=(), **details):
+        """Let something go wrong with the robot for good, and wait until it has.
+
+        A fault that is planned may strike before the session has begun, on a busy machine.
+        """
+        overrides = [f"bus.url={self.config.bus.url}", *(o for o in options if o != "--set")]
+        speaker = Listener(load_config(overrides=overrides))
+        fault = Fault(kind=kind, duration_s=math.inf, **details)
+
+        def struck():
+            speaker.publish(FAULT, fault_message(fault, speaker.now_us()))
+            return self.cut_us is not None
+
+        self.wait(struck)
 
     def kill(self, name):
         self.wait(lambda: name in self.pids)
