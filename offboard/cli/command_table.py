@@ -57,6 +57,9 @@ COMMANDS = {
     "config": Row(
         RUN, "offboard.commands.config:app", "Show, explain and check the configuration."
     ),
+    "guide": Row(
+        RUN, "offboard.commands.guide:guide", "Read the guides: first hour, robot, library, ..."
+    ),
     "calibrate": Row(
         LEARN, "offboard.commands.calibrate:calibrate", "Record a session to learn a model from."
     ),

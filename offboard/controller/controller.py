@@ -42,7 +42,7 @@ class Controller:
 
     Raises
     ------
-    LabStateError
+    UsageError
         If the robot must not be sent there.
     """
 
@@ -97,7 +97,7 @@ class Controller:
 
         Raises
         ------
-        LabStateError
+        UsageError
             If the robot must not be sent there; the old goal stays.
         """
         require_on_floor(goal, self._floor)

@@ -11,7 +11,7 @@ from koopman_lab.bus import channels
 from koopman_lab.bus.age import is_current
 from koopman_lab.bus.node import Port
 from koopman_lab.config.schema import LabConfig
-from koopman_lab.errors import LabStateError
+from koopman_lab.errors import UsageError
 from koopman_lab.geometry.planar import ORIGIN, Pose
 from koopman_lab.mpc.receding_horizon import receding_horizon
 from koopman_lab.mpc.solver import Solver
@@ -125,7 +125,7 @@ class ControllerNode:
         if not is_current(message.utime, now_us, lifetime_us):
             return
         goal = Pose(message.goal_x1_m, message.goal_x2_m, message.goal_theta_rad)
-        with contextlib.suppress(LabStateError):  # MPC_STATE goes on to name the old one
+        with contextlib.suppress(UsageError):  # MPC_STATE goes on to name the old one
             self.controller.move_goal(goal, now_us)
 
     def _on_time_sync(self, message: lcmtypes.time_sync_t) -> None:

@@ -37,7 +37,7 @@ def goal_order(
 
     Raises
     ------
-    LabStateError
+    UsageError
         If the goal is no pose, or outside the floor.
     """
     require_on_floor(goal, config.floor)

@@ -35,7 +35,7 @@ def start_pose(config: LabConfig, shape: Shape) -> Pose:
 
     Raises
     ------
-    LabStateError
+    UsageError
         If that is outside the floor.
     """
     reference = config.reference
