@@ -50,7 +50,7 @@ def robot_state(
     """
     if gone:
         if replay:
-            return StateInWords("replay over", REPLAY)
+            return StateInWords("replay over", GONE)
         return StateInWords("gone", GONE, "a robot that gets no commands stops by itself")
     if replay:
         doing = "" if drive is None else _doing(drive) if drive.end is None else drive.end.word

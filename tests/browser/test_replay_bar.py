@@ -44,7 +44,7 @@ def test_a_person_plays_pauses_scrubs_and_hurries_a_log():
             )
             # Paused, the page shows that moment: the goal and where the robot was.
             expect(page.locator("#facts")).to_contain_text(
-                "goal0.100 m, 0.000 m, 20.0", timeout=PATIENCE_MS
+                "goalx1 0.100 m, x2 0.000 m, 20.0", timeout=PATIENCE_MS
             )
             expect(page.locator("#line")).to_contain_text("R1: replay: ", timeout=PATIENCE_MS)
             bar.press("ArrowRight")

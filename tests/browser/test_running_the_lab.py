@@ -48,6 +48,7 @@ def begin(page):
     """Start it; again where a busy machine's picture was too old for that."""
     said = page.locator("#said")
     for _ in range(MOST_TRIES):
+        expect(page.locator("#begin")).to_be_enabled(timeout=PATIENCE_MS)
         page.locator("#begin").press("Enter")
         expect(said).to_contain_text(re.compile("starting|not done"), timeout=PATIENCE_MS)
         if "starting" in said.inner_text():

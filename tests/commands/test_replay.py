@@ -182,9 +182,9 @@ def test_a_stretch_of_some_channels_is_sent_and_nothing_else(session, bus_url):
     [
         (("--start", "-1"), "--start -1: "),
         (("--start", "1e9"), "--start 1e+09: "),
-        (("--start", "nan"), "--start nan: "),
+        (("--start", "nan"), "--start': nan is no number"),
         (("--start", "2", "--end", "2"), "--end 2: must be above --start 2"),
-        (("--end", "nan"), "--end nan: "),
+        (("--end", "nan"), "--end': nan is no number"),
         (("--only", "R1_POSE"), "no channel is --only R1_POSE; there are: R1_"),
     ],
 )

@@ -108,7 +108,7 @@ def test_a_calibration_takes_the_place_of_a_park():
     [
         ({}, "idle", "idle"),
         ({"gone": True}, "gone", "gone"),
-        ({"gone": True, "replay": True}, "replay over", "replay"),
+        ({"gone": True, "replay": True}, "replay over", "gone"),
         ({"replay": True, "status": None}, "replay", "replay"),
         ({"status": None}, "motor loop silent", "bad"),
         ({"status": status(KIND.ESTOP)}, "stopped", "bad"),
