@@ -80,8 +80,10 @@ class ParkingEnv(gymnasium.Env[Array, Array]):
     ------
     ConfigError
         If the configuration is not valid, or nothing is simulated.
+    UsageError
+        If the goal is not on the floor.
     LabStateError
-        If the goal is not on the floor, or the robot does not roll on two driven wheels.
+        If the robot does not roll on two driven wheels.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012
@@ -144,7 +146,7 @@ class ParkingEnv(gymnasium.Env[Array, Array]):
         ------
         ArgumentError
             If an option is none of these, or no pose.
-        LabStateError
+        UsageError
             If a pose is not on the floor.
         """
         super().reset(seed=seed)

@@ -71,7 +71,7 @@ def spoken() -> str:
                     texts.append("".join(map(str, parts)))
                 elif isinstance(node, ast.Constant) and isinstance(node.value, str):
                     texts.append(node.value)
-    texts.append((ROOT / "scripts" / "environment.sh").read_text())
+    texts += [file.read_text() for file in sorted((ROOT / "scripts").glob("*.sh"))]
     return re.sub(r"\s+", " ", "\n".join(texts))
 
 

@@ -28,7 +28,7 @@ def lab(bus_url, tmp_path):
 
 def test_a_process_whose_file_cannot_be_written_is_not_started(lab, tmp_path):
     (tmp_path / "processes").write_text("in the way")
-    with pytest.raises(LabStateError, match=r"logger\.log: cannot be written \(File exists\)"):
+    with pytest.raises(NotWrittenError, match=r"logger\.log: cannot be written \(File exists\)"):
         lab[0].start("logger")
 
 

@@ -11,7 +11,7 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 import koopman_lab as kl
 import offboard.rl
 from koopman_lab import installation
-from koopman_lab.errors import ArgumentError, ConfigError, InstallationError, LabStateError
+from koopman_lab.errors import ArgumentError, ConfigError, InstallationError, UsageError
 from offboard.rl import PARKING
 from offboard.rl.parking_env import ParkingEnv
 
@@ -179,7 +179,7 @@ def test_a_picture_shows_the_floor():
 )
 def test_a_reset_that_cannot_be_is_refused_in_words(options, said):
     env = ParkingEnv()
-    with pytest.raises((ArgumentError, LabStateError), match=said):
+    with pytest.raises((ArgumentError, UsageError), match=said):
         env.reset(options=options)
 
 
@@ -194,7 +194,7 @@ def test_what_cannot_be_driven_is_refused_in_words():
         env.step(np.array([np.nan, 0.0]))
     with pytest.raises(ConfigError, match=r"did you mean controller\.horizon"):
         ParkingEnv(horizn=3)
-    with pytest.raises(LabStateError, match="goal: x1"):
+    with pytest.raises(UsageError, match="goal: x1"):
         ParkingEnv(goal=(7.0, 0.0, 0.0))
     with pytest.raises(ArgumentError, match="render_mode: 'human', expected 'rgb_array' or None"):
         ParkingEnv(render_mode="human")
