@@ -62,7 +62,7 @@ def module_path(tmp_path):
         (["-X", "utf8", "-m", "offboard.cli.main"], []),
         (["offboard/cli/main.py", "down"], ["down"]),
         (
-            ["-P", "-m", "offboard.cli.end_with_parent", "7", "park", "--seed", "1"],
+            ["-m", "offboard.cli.end_with_parent", "7", "park", "--seed", "1"],
             ["park", "--seed", "1"],
         ),
     ],
