@@ -21,8 +21,9 @@ OFFERS = {
     "logs": [Choice("/runs/s", "s")],
 }
 PARK = {"robot": "R1", "model": "/runs/a/model.npz", "cost": "me", "goal": [-0.5, 1e-7, 30]}
-NUMBERS = st.one_of(st.integers(), st.floats(allow_nan=False, allow_infinity=False))
-VALUES = st.one_of(st.text(max_size=8), NUMBERS, st.lists(NUMBERS, max_size=4))
+NUMBERS = st.one_of(st.integers(-2, 2000), st.floats(-1e3, 1e3))
+OFFERED = st.sampled_from(sorted({c.value for choices in OFFERS.values() for c in choices}))
+VALUES = st.one_of(OFFERED, st.text(max_size=4), NUMBERS, st.lists(NUMBERS, max_size=4))
 
 
 def test_a_park_becomes_the_command_that_a_person_would_type():
