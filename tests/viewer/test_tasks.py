@@ -3,10 +3,9 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.main import get_command
 
 from koopman_lab.errors import LabStateError
-from offboard.cli.main import app_of
+from offboard.cli.main import command_line
 from offboard.viewer.tasks import TASKS, Choice
 
 OFFERS = {
@@ -82,6 +81,6 @@ def test_no_word_of_a_command_comes_from_the_page_itself(task, values):
 
 @pytest.mark.parametrize("task", TASKS.values(), ids=TASKS)
 def test_every_flag_is_one_of_the_command(task):
-    command = get_command(app_of([task.name])).commands[task.name]
+    command = command_line().commands[task.name]
     options = {option for parameter in command.params for option in parameter.opts}
     assert {field.flag for field in task.fields if field.flag} <= options
