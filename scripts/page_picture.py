@@ -10,6 +10,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from PIL import Image
+
 from koopman_lab.bus.channels import MPC_STATE
 from koopman_lab.bus.realtime import Listener
 from koopman_lab.config.load import load_config
@@ -25,6 +27,7 @@ STEPS = 70
 """Of the controller, after which the picture is taken: on the way, with most of the trail drawn."""
 MOST_WAITS, WAIT_S = 1200, 0.05
 LARGEST_BYTES = 200_000
+COLOURS = 128
 
 
 @contextlib.contextmanager
@@ -62,6 +65,8 @@ def take(picture: Path, folder: Path) -> None:
             else:
                 sys.exit("the robot was not driven; klab doctor may say why")
             page.screenshot(path=picture)
+    # Few colours are in it, and a README is to be there at once.
+    Image.open(picture).quantize(COLOURS).save(picture, optimize=True)
     size = picture.stat().st_size
     print(f"{picture}: {size} bytes")
     if size > LARGEST_BYTES:
