@@ -27,7 +27,7 @@ STEPS = 70
 """Of the controller, after which the picture is taken: on the way, with most of the trail drawn."""
 MOST_WAITS, WAIT_S = 1200, 0.05
 LARGEST_BYTES = 200_000
-COLOURS = 128
+COLOURS = 256
 
 
 @contextlib.contextmanager
