@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 
@@ -11,7 +12,26 @@ STOP = "estop"
 
 def main() -> None:
     """Load the command and run it."""
+    open_standard_streams()
     ended_quietly(_load_and_run)
+
+
+def open_standard_streams() -> None:
+    """Open what whoever started us has closed of input, output and error, onto nothing.
+
+    Otherwise the next file or socket takes that number, and gets what is said.
+    """
+    for descriptor in range(3):
+        if not _is_open(descriptor):
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+
+
+def _is_open(descriptor: int) -> bool:
+    try:
+        os.fstat(descriptor)
+    except OSError:
+        return False
+    return True
 
 
 def ended_quietly(run: Callable[[], None]) -> None:

@@ -7,6 +7,7 @@ understand is left to the command line, which explains it.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import sys
@@ -57,7 +58,10 @@ def stop_at_once(arguments: Sequence[str]) -> int | None:
     from offboard.terminal.visible_text import visible
 
     def say(text: str) -> None:
-        sys.stderr.write(f"{visible(text)}\n")
+        # A terminal that has gone, or a full disk, stops no stop.
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            sys.stderr.write(f"{visible(text)}\n")
+            sys.stderr.flush()
 
     act = order_all if order.all_robots else order_one
     try:

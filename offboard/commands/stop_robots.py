@@ -5,6 +5,7 @@ It loads little, so that the first message goes out soon after its command was t
 
 from __future__ import annotations
 
+import signal
 from collections import deque
 from collections.abc import Callable
 from functools import partial
@@ -42,9 +43,13 @@ def _tries(limit_s: float | None, *, release: bool) -> int | None:
     A stop that nobody confirms may be on its way to a robot that comes back; who releases one waits
     for an answer.
     """
-    if limit_s is None:
-        return TRIES if release else None
-    return max(1, round(limit_s / WAIT_S))
+    if limit_s is not None:
+        return max(1, round(limit_s / WAIT_S))
+    if release:
+        return TRIES
+    # It ends by Ctrl-C alone, also where the shell that started it had that ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    return None
 
 
 def order_one(

@@ -1,5 +1,6 @@
 """A stop over real UDP: the program that holds it dies, or a second one is started beside it."""
 
+import shlex
 import signal
 import subprocess
 import sys
@@ -136,8 +137,15 @@ def test_a_stop_is_sent_until_the_robot_is_back_and_confirms_it(board, arguments
     assert estop("--release", *board.options).returncode == 0
 
 
-def test_a_stop_that_nobody_confirms_ends_where_a_person_ends_it():
-    stop = subprocess.Popen(ESTOP, stderr=subprocess.PIPE, text=True)
+@pytest.mark.parametrize("ignored", [False, True], ids=["in front", "in the background"])
+def test_a_stop_that_nobody_confirms_ends_where_a_person_ends_it(ignored):
+    handler = signal.SIG_IGN if ignored else signal.SIG_DFL
+    stop = subprocess.Popen(
+        ESTOP,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, handler),
+    )
     said = stop.stderr.readline()
     assert "R1_ONBOARD_STATUS is silent" in said
     stop.send_signal(signal.SIGINT)
@@ -146,6 +154,20 @@ def test_a_stop_that_nobody_confirms_ends_where_a_person_ends_it():
     done = estop("--limit-s", "0.1")
     assert done.returncode == ExitCode.LAB_FAILURE
     assert "was sent 5 times" in done.stderr
+
+
+@pytest.mark.parametrize("redirection", ["2>&-", "2>/dev/full"])
+def test_a_stop_is_sent_on_though_nobody_can_be_told(board, redirection):
+    """The first words come after two seconds; the robot is there for the messages behind them."""
+    board.kill(board.onboard)
+    words = shlex.join([*ESTOP, *board.options])
+    stop = subprocess.Popen(["sh", "-c", f"exec {words} {redirection}"])
+    board.ear.listener.spin(3.0)
+    assert stop.poll() is None
+    board.onboard = board.start_onboard()
+    board.wait_for(STATUS.ESTOP)
+    assert stop.wait(60) == 0
+    assert estop("--release", *board.options).returncode == 0
 
 
 @WITHOUT_KEY
