@@ -63,6 +63,8 @@ def read_struct(source: str) -> Struct:
             comment = f"{comment} {line[2:].strip()}".strip()
         elif line.startswith("struct "):
             name, about, comment = line.removeprefix("struct "), comment, ""
+        elif line.startswith("package "):
+            comment = ""
         elif statement := STATEMENT.match(line):
             constant, kind, names = statement.groups()
             if constant:
@@ -72,7 +74,7 @@ def read_struct(source: str) -> Struct:
                 fields.append(Field(kind, names, comment, tuple(constants)))
                 constants = []
             comment = ""
-        elif line not in ("", "{", "}") and not line.startswith("package "):
+        elif line not in ("", "{", "}"):
             raise ValueError(f"no line of a struct: {line}")
     if not name:
         raise ValueError("no struct")
