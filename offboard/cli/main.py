@@ -7,7 +7,6 @@ import errno
 import os
 import sys
 from functools import cache
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -65,9 +64,6 @@ def main() -> None:
     An expected mistake is one message; so is a standard output that takes no more, as one on a full
     disk.
     """
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # whoever started us has closed it
-            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115
     code = _run()
     for stream in (sys.stdout, sys.stderr):
         code = _flushed(stream, code)

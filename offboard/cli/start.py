@@ -12,7 +12,6 @@ STOP = "estop"
 
 def main() -> None:
     """Load the command and run it."""
-    open_standard_streams()
     ended_quietly(_load_and_run)
 
 
@@ -21,9 +20,11 @@ def open_standard_streams() -> None:
 
     Otherwise the next file or socket takes that number, and gets what is said.
     """
-    for descriptor in range(3):
+    for descriptor, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
         if not _is_open(descriptor):
             os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(descriptor, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
 
 
 def _is_open(descriptor: int) -> bool:
@@ -36,6 +37,7 @@ def _is_open(descriptor: int) -> bool:
 
 def ended_quietly(run: Callable[[], None]) -> None:
     """Run something; Ctrl-C ends it in a word, and nothing after its end."""
+    open_standard_streams()
     try:
         run()
     except KeyboardInterrupt:

@@ -59,7 +59,7 @@ def stop_at_once(arguments: Sequence[str]) -> int | None:
 
     def say(text: str) -> None:
         # A terminal that has gone, or a full disk, stops no stop.
-        with contextlib.suppress(OSError, ValueError, AttributeError):
+        with contextlib.suppress(OSError, ValueError):
             sys.stderr.write(f"{visible(text)}\n")
             sys.stderr.flush()
 

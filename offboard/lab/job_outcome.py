@@ -7,9 +7,9 @@ from pathlib import Path
 
 from koopman_lab.errors import LabError, LabStateError
 from koopman_lab.json_file import JsonTable, Refusal, read_table
-from koopman_lab.koopman.model_file import read_model_file
 from offboard.lab.child_process import exit_text
 from offboard.lab.run_folder import RunFolder
+from offboard.lab.run_history import past_model
 from offboard.lab.run_outcome import outcome_of
 from offboard.monitor.state_in_words import BAD, GOOD, IDLE, WARN, StateInWords
 
@@ -58,16 +58,13 @@ def _left_behind(folder: Path) -> StateInWords | None:
         return outcome_of(read_table(refusal, JsonTable).model_dump())
     except LabError:
         pass
-    try:
-        header = read_model_file(folder / MODEL_NAME).header
-    except LabError:
+    file = folder / MODEL_NAME
+    model = past_model(file, file.stat()) if file.is_file() else None
+    if model is None:
         return None
-    judged = (header["metadata"].get("verdict") or {}).get("model") or {}
-    level = str(judged.get("level", "")) if isinstance(judged, dict) else ""
-    name = str(header.get("dictionary") or header["predictor"])
-    tone = WARN if level in ("weak", "unusable") else GOOD
-    verdict = f", model {level}" if level else ""
-    return StateInWords("trained", tone, f"{name}, {header['robot']} robot{verdict}")
+    tone = WARN if model.verdict in ("weak", "unusable") else GOOD
+    verdict = f", model {model.verdict}" if model.verdict else ""
+    return StateInWords("trained", tone, f"{model.name}, {model.robot} robot{verdict}")
 
 
 def _mistake(said: Sequence[str]) -> str:

@@ -109,7 +109,7 @@ class RunHistory:
                     if run is not None:
                         runs.append(run._replace(log=LOG_NAME in names))
                 elif name.endswith(".npz"):
-                    model = self._read(seen, file, _model)
+                    model = self._read(seen, file, past_model)
                     if model is not None:
                         models.append(model)
         runs.sort(key=lambda run: run.at_s, reverse=True)
@@ -172,7 +172,7 @@ def _begun_s(folder: Path, otherwise_s: float) -> float:
         return otherwise_s
 
 
-def _model(file: Path, facts: os.stat_result) -> PastModel | None:
+def past_model(file: Path, facts: os.stat_result) -> PastModel | None:
     """Return what a model file says; None for a file that is none, or of another version."""
     if facts.st_size > LARGEST_MODEL_BYTES:
         return None

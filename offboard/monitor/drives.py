@@ -79,16 +79,17 @@ class Drives:
     def take_sampler(self, state: lcmtypes.sampler_state_t, now_us: int) -> None:
         """Take a state of the sampler that arrived at ``now_us``."""
         if state.phase == state.DONE:
-            detail = f"{state.segments_done} of {state.segments_total} segments"
-            self._end(CALIBRATION, StateInWords("calibrated", GOOD, detail), now_us)
+            words = ("calibrated", "not calibrated")
+            end = _end_of(words, state.segments_done, state.segments_total, "segments")
+            self._end(CALIBRATION, end, now_us)
         elif state.phase != state.WAIT:
             self._go_on(CALIBRATION, now_us)
 
     def take_reference(self, state: lcmtypes.reference_state_t, now_us: int) -> None:
         """Take a state of the node of reference runs that arrived at ``now_us``."""
         if state.phase == state.DONE:
-            detail = f"{state.runs_done} of {state.runs_total} runs"
-            self._end(REFERENCE, StateInWords("runs recorded", GOOD, detail), now_us)
+            words = ("runs recorded", "not all runs")
+            self._end(REFERENCE, _end_of(words, state.runs_done, state.runs_total, "runs"), now_us)
         elif state.phase != state.WAIT:
             self._go_on(REFERENCE, now_us)
 
@@ -108,6 +109,15 @@ class Drives:
 
 def _silent(drive: Drive, now_us: int) -> bool:
     return now_us - drive.heard_us > SILENT_S * US_PER_S
+
+
+def _end_of(words: tuple[str, str], done: int, total: int, unit: str) -> StateInWords:
+    """Return how a session ended: who gives up is done as well, with less than there was to do."""
+    is_whole = 0 < total <= done
+    good, bad = words
+    return StateInWords(
+        good if is_whole else bad, GOOD if is_whole else WARN, f"{done} of {total} {unit}"
+    )
 
 
 def _deviation_text(state: lcmtypes.mpc_state_t) -> str:

@@ -210,7 +210,7 @@ def wait_until_read(listener):
     for _ in range(10_000):
         if at_rest(listener._bus._socket, frozenset()):
             return
-        time.sleep(0.001)
+        time.sleep(0.001)  # it is liblcm's own thread, which tells nobody when it has read
     pytest.fail("the library does not read")
 
 

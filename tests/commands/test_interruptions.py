@@ -91,7 +91,7 @@ def test_an_interrupted_study_says_how_it_goes_on_and_does(tmp_path):
     while not (rows.exists() and rows.read_bytes()):
         assert process.poll() is None, process.stderr.read()
         assert time.monotonic() < end_s
-        time.sleep(0.05)
+        time.sleep(0.05)  # that a file grows is told to nobody
     os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=LIMIT_S)
     assert process.returncode in INTERRUPTED, said

@@ -104,6 +104,33 @@ def test_a_calibration_takes_the_place_of_a_park():
 
 
 @pytest.mark.parametrize(
+    ("done", "word", "tone"),
+    [(6, "calibrated", "good"), (5, "not calibrated", "warn"), (0, "not calibrated", "warn")],
+)
+def test_a_sampler_that_gave_up_is_done_too_and_has_not_calibrated(done, word, tone):
+    drives, phases = Drives(), lcmtypes.sampler_state_t
+    drives.take_sampler(sampler(phases.BASIS), 0)
+    drives.take_sampler(sampler(phases.DONE, done), S)
+    seen = shown(S, drives.newest(S))
+    assert (seen.word, seen.tone) == (word, tone)
+    assert seen.detail.startswith(f"{done} of 6 segments")
+
+
+@pytest.mark.parametrize(
+    ("done", "word", "tone"),
+    [(4, "runs recorded", "good"), (3, "not all runs", "warn"), (0, "not all runs", "warn")],
+)
+def test_reference_runs_that_were_given_up_are_not_all_runs(done, word, tone):
+    drives, state = Drives(), lcmtypes.reference_state_t()
+    state.phase, state.runs_total = state.RUN, 4
+    drives.take_reference(state, 0)
+    state.phase, state.runs_done = state.DONE, done
+    drives.take_reference(state, S)
+    seen = shown(S, drives.newest(S))
+    assert (seen.word, seen.tone) == (word, tone)
+
+
+@pytest.mark.parametrize(
     ("facts", "word", "tone"),
     [
         ({}, "idle", "idle"),

@@ -4,7 +4,6 @@ import contextlib
 import re
 import socket
 import threading
-import time
 import urllib.request
 from concurrent.futures import ThreadPoolExecutor
 
@@ -25,20 +24,21 @@ SECURITY = (
 )
 
 
-WAIT_S, MOST_WAITS = 0.05, 1200
-
-
 class Said:
     """What a server writes to standard error, read as it comes, so that it never waits."""
 
     def __init__(self, process):
         self.lines, self._told = [], 0
+        self._came = threading.Condition()
         self._reader = threading.Thread(target=self._read, args=(process.stderr,))
         self._reader.start()
 
     def _read(self, pipe):
         with contextlib.suppress(ValueError):  # closed, at the end
-            self.lines.extend(iter(pipe.readline, ""))
+            for line in iter(pipe.readline, ""):
+                with self._came:
+                    self.lines.append(line)
+                    self._came.notify_all()
 
     def news(self):
         """Return what was written since this was asked last."""
@@ -47,13 +47,12 @@ class Said:
 
     def news_until(self, words):
         """Return what was written since this was asked last, up to some words and what follows."""
-        news = ""
-        for _ in range(MOST_WAITS):
-            news += self.news()
-            if words in news:
-                return news
-            time.sleep(WAIT_S)
-        return pytest.fail(f"{words!r} was not said: {news}")
+        told = self._told
+        with self._came:
+            came = self._came.wait_for(lambda: words in "".join(self.lines[told:]), timeout=LIMIT_S)
+        news = self.news()
+        assert came, f"{words!r} was not said: {news}"
+        return news
 
 
 @pytest.fixture(scope="module")
