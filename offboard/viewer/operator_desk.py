@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from koopman_lab.bus.age import is_current
 from koopman_lab.bus.channels import REPLAY_CONTROL
 from koopman_lab.bus.lab_key import key_text
 from koopman_lab.bus.realtime import Listener
@@ -150,8 +151,10 @@ class OperatorDesk:
         LabStateError
             If it was.
         """
-        age_s = 0.0 if request.seen_us is None else (self.now_us() - request.seen_us) / US_PER_S
-        if age_s > OLDEST_PICTURE_S:
+        now_us = self.now_us()
+        seen_us = now_us if request.seen_us is None else request.seen_us
+        if not is_current(seen_us, now_us, OLDEST_PICTURE_S * US_PER_S):
+            age_s = (now_us - seen_us) / US_PER_S
             prefix = f"{request.robot}: " if request.robot else ""
             raise LabStateError(
                 f"{prefix}not done, since it was asked for on a picture {age_s:.0f} s old; "

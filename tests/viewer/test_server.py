@@ -230,6 +230,9 @@ def test_who_saw_an_old_picture_can_stop_and_nothing_else(bench):
             answer = bench.ask(socket, do=do, **goal, **old)
             assert not answer["good"]
             assert "10 s old" in answer["said"]
+            # Nobody has seen what is still to come.
+            ahead = {"seen_us": time.time_ns() // 1000 + 10_000_000}
+            assert "-10 s old" in bench.ask(socket, do=do, **goal, **ahead)["said"]
         assert bench.ask(socket, do="stop", **old)["good"]
     assert all(sent.goal_x1_m != goal["x1_m"] for sent in bench.goals)
 
